@@ -7,27 +7,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.records import Capture
 
 from .light import with_grey
 
 
 @dataclass
-class Fog:
+class Fog(PartSettings):
     """Fog, smoke or dust: far things fade into grey (Koschmieder 1924), and their depth is lost."""
 
-    extinction_per_m: float = 0.1
+    extinction_per_m: float = within(0.1, 0.0, 100.0)
     """share of the light that a short way takes, per metre; 0: clear air. Sight reaches 3 / extinction_per_m"""
-    air_grey: float = 200.0
+    air_grey: float = within(200.0, 0.0, 255.0)
     """grey level of the air"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, extinction_per_m=(0.0, 100.0), air_grey=(0.0, 255.0))
 
     def build(self, context: Context) -> Degradation:
         return Murky(self, context.rng)

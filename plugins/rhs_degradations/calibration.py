@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.geometry import Camera, exp_so3, se3
 from rhs.api.records import Capture
 
@@ -21,17 +21,13 @@ class Miscalibrated(Degradation):
 
 
 @dataclass
-class WrongFocal:
+class WrongFocal(PartSettings):
     """The focal length that the parts are told is wrong."""
 
-    focal_share: float = 0.02
+    focal_share: float = within(0.02, -0.5, 1.0)
     """by this share of the true one, too long; negative: too short"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, focal_share=(-0.5, 1.0))
 
     def build(self, context: Context) -> Degradation:
         return Focal(self)
@@ -48,19 +44,15 @@ class Focal(Miscalibrated):
 
 
 @dataclass
-class Mounting:
+class Mounting(PartSettings):
     """The camera is not mounted as the parts are told: they believe it pitched or rolled."""
 
-    pitch_deg: float = 1.0
+    pitch_deg: float = within(1.0, -45.0, 45.0)
     """told so much further down than it looks, degrees"""
-    roll_deg: float = 0.0
+    roll_deg: float = within(0.0, -45.0, 45.0)
     """told so much further turned about its axis, clockwise in the picture, degrees"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, pitch_deg=(-45.0, 45.0), roll_deg=(-45.0, 45.0))
 
     def build(self, context: Context) -> Degradation:
         return Askew(self)

@@ -7,24 +7,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.records import Capture
 from rhs.estimation.views.rigid import KINECT
 
 
 @dataclass
-class DepthNoise:
+class DepthNoise(PartSettings):
     """Depth is noisier than the sensor says: noise of its own at each pixel, beside that of the sensor."""
 
-    noise_times: float = 4.0
+    noise_times: float = within(4.0, 0.0, 1000.0)
     """deviation of the noise put on top, times that of a Kinect (Nguyen, Izadi and Lovell 2012); 0: none"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, noise_times=(0.0, 1000.0))
 
     def build(self, context: Context) -> Degradation:
         return Noisier(self, context.rng)

@@ -7,32 +7,27 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.records import Capture
 
 IMAGE = frozenset({"image"})
 
 
 @dataclass
-class LowLight:
+class LowLight(PartSettings):
     """Less light, with the shot noise of few photons and the noise of reading them out (EMVA 1288)."""
 
-    dark_share: float = 0.8
+    dark_share: float = within(0.8, 0.0, 1.0)
     """share of the light that is missing; 0: none"""
-    gain: float = 1.0
+    gain: float = within(1.0, 0.1, 1000.0)
     """how much the camera brightens the picture, noise and all"""
-    full_well_e: float = 5000.0
+    full_well_e: float = within(5000.0, 10.0, 1e7)
     """electrons of a white pixel; fewer, more shot noise"""
-    read_noise_e: float = 10.0
+    read_noise_e: float = within(10.0, 0.0, 1e5)
     """noise of reading a pixel out, electrons (one sigma)"""
 
     needs: ClassVar[frozenset[str]] = IMAGE
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, dark_share=(0.0, 1.0), gain=(0.1, 1000.0), full_well_e=(10.0, 1e7),
-                     read_noise_e=(0.0, 1e5))
 
     def build(self, context: Context) -> Degradation:
         return Dark(self, context.rng)
@@ -55,17 +50,13 @@ class Dark(Degradation):
 
 
 @dataclass
-class SideLight:
+class SideLight(PartSettings):
     """Light from the left: the picture darkens towards its right edge."""
 
-    side_share: float = 0.6
+    side_share: float = within(0.6, 0.0, 1.0)
     """share of the light that is missing at the right edge; 0: none"""
 
     needs: ClassVar[frozenset[str]] = IMAGE
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, side_share=(0.0, 1.0))
 
     def build(self, context: Context) -> Degradation:
         return FromTheSide(self)
@@ -85,19 +76,15 @@ class FromTheSide(Degradation):
 
 
 @dataclass
-class ExposureSteps:
+class ExposureSteps(PartSettings):
     """An exposure that jumps now and then, as an automatic one does before a window."""
 
-    exposure_stops: float = 1.0
+    exposure_stops: float = within(1.0, 0.0, 8.0)
     """how far, at most, in powers of two, brighter or darker than it was lit; 0: never"""
-    exposure_chance: float = 0.05
+    exposure_chance: float = within(0.05, 0.0, 1.0)
     """chance of a jump at a view"""
 
     needs: ClassVar[frozenset[str]] = IMAGE
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, exposure_stops=(0.0, 8.0), exposure_chance=(0.0, 1.0))
 
     def build(self, context: Context) -> Degradation:
         return Jumps(self, context.rng)

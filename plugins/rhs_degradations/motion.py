@@ -11,8 +11,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import RhsError, check_ranges
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import RhsError, within
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture
 
@@ -20,17 +20,13 @@ SAMPLES_PER_PX = 8  # of the line that a point is drawn out to
 
 
 @dataclass
-class Blur:
+class Blur(PartSettings):
     """Motion blur: the shutter stays open while the camera turns."""
 
-    exposure_share: float = 0.2
+    exposure_share: float = within(0.2, 0.0, 1.0)
     """share of the time between two views that the shutter is open; 0: none"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, exposure_share=(0.0, 1.0))
 
     def build(self, context: Context) -> Degradation:
         return Smear(self, context.camera)
@@ -55,17 +51,13 @@ class Smear(Degradation):
 
 
 @dataclass
-class RollingShutter:
+class RollingShutter(PartSettings):
     """A rolling shutter that nobody corrects: rows are read one after another while the camera turns."""
 
-    readout_share: float = 0.5
+    readout_share: float = within(0.5, 0.0, 1.0)
     """share of the time between two views that reading all rows takes, the middle row at the stamp; 0: none"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, readout_share=(0.0, 1.0))
 
     def build(self, context: Context) -> Degradation:
         return Rolling(self, context.camera)

@@ -4,27 +4,20 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.records import Capture
 
 
 @dataclass
-class Latency:
+class Latency(PartSettings):
     """Views arrive late: image, depth and scan of some views ago, wheels and command of now."""
 
-    delay_views: int = 1
+    delay_views: int = within(1, 0, 1000)
     """views of delay; 0: none. At the beginning the first view stands still"""
-
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, delay_views=(0, 1000))
 
     def build(self, context: Context) -> Degradation:
         return Late(self)
@@ -43,17 +36,11 @@ class Late(Degradation):
 
 
 @dataclass
-class Dropped:
+class Dropped(PartSettings):
     """Views that never arrive: the robot goes on with its command, the wheels count on."""
 
-    drop_chance: float = 0.1
+    drop_chance: float = within(0.1, 0.0, 0.95)
     """chance that a view is lost; 0: none"""
-
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, drop_chance=(0.0, 0.95))
 
     def build(self, context: Context) -> Degradation:
         return Lossy(self, context.rng)

@@ -7,27 +7,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api.contracts import Context, Degradation
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Context, Degradation, PartSettings
+from rhs.api.errors import within
 from rhs.api.records import Capture
 
 
 @dataclass
-class WheelSlip:
+class WheelSlip(PartSettings):
     """Wheels that spin for a stretch of the way: they count more than the robot moves."""
 
-    slip_share: float = 0.5
+    slip_share: float = within(0.5, 0.0, 100.0)
     """how much more, share of the true travel and turn; 0: nothing"""
-    slip_chance: float = 0.03
+    slip_chance: float = within(0.03, 0.0, 1.0)
     """chance that a stretch begins at a view"""
-    slip_views: int = 10
+    slip_views: int = within(10, 1, 100_000)
     """length of a stretch, views"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_ranges("degrade", self, slip_share=(0.0, 100.0), slip_chance=(0.0, 1.0), slip_views=(1, 100_000))
 
     def build(self, context: Context) -> Degradation:
         return Spinning(self, context.rng)

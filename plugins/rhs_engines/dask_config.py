@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.engine import Engine, EngineContext
-from rhs.api.errors import ConfigError, check_choice, check_range
+from rhs.api.errors import ConfigError, check_choice, within
 
 CLUSTERS = ("", "slurm", "pbs", "htcondor", "lsf", "sge", "oar")
 
 
 @dataclass
-class Dask:
+class Dask(PartSettings):
     """Dask's workers: on this machine, in a running cluster (address), or as jobs of a batch system (cluster)."""
 
     address: str = ""
@@ -27,16 +28,14 @@ class Dask:
     """memory asked of the batch system for a worker"""
     interface: str = ""
     """network interface by which workers reach the scheduler, for instance ib0; empty: the default one"""
-    chunk_s: float = 30.0
+    chunk_s: float = within(30.0, 0.1, 86400.0)
     """seconds of work sent at once"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     requires: ClassVar[tuple[str, ...]] = ("distributed:'rhs[dask]'",)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_choice("", "cluster", self.cluster, CLUSTERS)
-        check_range("", "chunk_s", self.chunk_s, low=0.1, high=86400.0, unit="s")
         if self.address and self.cluster:
             raise ConfigError(f"address={self.address}: a running cluster is joined, cluster={self.cluster} starts one; "
                               f"give one of them")

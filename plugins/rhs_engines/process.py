@@ -6,14 +6,14 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.engine import HERE, Engine, EngineContext
 
 
 @dataclass
-class Process:
+class Process(PartSettings):
     """Processes of this machine, forked by the sweep itself."""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({HERE})
 
     def build(self, context: EngineContext) -> Engine:

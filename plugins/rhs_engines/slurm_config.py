@@ -5,36 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rhs.api.contracts import PartSettings
 from rhs.api.engine import Engine, EngineContext
-from rhs.api.errors import check_ranges
+from rhs.api.errors import within
 
 
 @dataclass
-class Slurm:
+class Slurm(PartSettings):
     """Jobs of Slurm, each with a chunk of runs. Needs no open port, but a disk that head and nodes share."""
 
     partition: str = ""
     """where to queue; empty: the default partition"""
     account: str = ""
     """whom to charge; empty: the default account"""
-    cpus: int = 1
+    cpus: int = within(1, 1, 1024)
     """cores of a Slurm job, and runs at a time in it"""
-    time_min: int = 120
+    time_min: int = within(120, 1, 525600)
     """minutes that a Slurm job may take"""
-    memory_mb: int = 0
+    memory_mb: int = within(0, 0, 10_000_000)
     """memory asked for, MB; 0: as the partition gives"""
-    chunk_s: float = 900.0
+    chunk_s: float = within(900.0, 0.1, 864000.0)
     """seconds of work in a Slurm job; clusters dislike short ones"""
-    poll_s: float = 2.0
+    poll_s: float = within(2.0, 0.1, 3600.0)
     """how often to look for answers, and to ask Slurm for its queue"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     requires: ClassVar[tuple[str, ...]] = ("submitit:'rhs[slurm]'",)
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, cpus=(1, 1024), time_min=(1, 525600), memory_mb=(0, 10_000_000), chunk_s=(0.1, 864000.0),
-                     poll_s=(0.1, 3600.0))
 
     def build(self, context: EngineContext) -> Engine:
         """Imports submitit; submits nothing yet."""

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
-from rhs.api.contracts import Context, Localiser
+from rhs.api.contracts import Context, Localiser, PartSettings
 from rhs.api.records import Belief, BeliefStatus, Motion, Observation, View
 
 
 @dataclass
-class OdometryOnly:
+class OdometryOnly(PartSettings):
     """Dead reckoning: believes the odometry and never looks at the map or at a place."""
-
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Localiser:
         return DeadReckoning()

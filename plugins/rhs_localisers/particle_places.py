@@ -92,7 +92,7 @@ class PlaceEvidence:
         a = self._settings.advanced
         self._walls = ScanMatcher(grid, a.match)
         self.watching = ContinuityWatch(self._context.features, self._walls, a.continuity, smooth_share=a.smooth_share)
-        sighting = SightingSettings(self._settings.min_inliers, a.min_coverage, self._context.features.ratio, a.ransac)
+        sighting = SightingSettings(self._settings.min_inliers, ratio=self._context.features.ratio, ransac=a.ransac)
         memory = memory_of(views)
         settings = PlaceSettings("vlad", self._settings.checks, sighting, a.places)
         self._database = PlaceDatabase(memory, settings, self._context.rng)

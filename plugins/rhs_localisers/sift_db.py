@@ -80,7 +80,7 @@ class PlaceLocaliser:
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Store the surveyed views as places."""
         a = self._advanced
-        sighting = SightingSettings(self._settings.min_inliers, a.min_coverage, self._context.features.ratio, a.ransac)
+        sighting = SightingSettings(self._settings.min_inliers, ratio=self._context.features.ratio, ransac=a.ransac)
         settings = PlaceSettings(self._settings.retrieval, self._settings.checks, sighting, a.places)
         memory = memory_of(views)
         self._database = PlaceDatabase(memory, settings, self._context.rng)

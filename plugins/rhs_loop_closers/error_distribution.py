@@ -26,7 +26,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rhs.api.contracts import Context
-from rhs.api.geometry import inverse, planar, se2, wrap
+from rhs.api.geometry import inverse, wrap
 from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.views.loops import closing_gap, ends_meet, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
@@ -43,8 +43,8 @@ class ErrorSpreader:
         self._settings = settings
         self._rng = context.rng
         a = settings.advanced
-        self._sighting = SightingSettings(settings.min_inliers, a.min_coverage, context.features.ratio, a.ransac,
-                                          a.depth_share)
+        self._sighting = SightingSettings(settings.min_inliers, ratio=context.features.ratio, ransac=a.ransac,
+                                          depth_share=a.depth_share)
 
     def close(self, views: Sequence[View]) -> Closure:
         """Find the end among the beginning, and divide the error through the steps between."""
@@ -59,15 +59,8 @@ class ErrorSpreader:
             return Closure(poses, tuple(judged), {"closures": 0.0})
         judged = [replace(edge, accepted=False, reason=UNUSED) if edge.accepted and edge is not used else edge
                   for edge in judged]  # fmt: skip
-        if self._settings.trust == "both":
-            used = weighed(poses, used, views[-1].covariance, self._noise())
         corrected = spread(poses, used, turned=self._settings.positions == "turned")
         return Closure(corrected, tuple(judged), {"closures": 1.0, "closure_inliers": float(used.inliers)})
-
-    def _noise(self) -> np.ndarray:
-        """(3, 3) of x, y, yaw added to the covariance of every sighting."""
-        s = self._settings
-        return np.diag([s.sighting_sigma_m, s.sighting_sigma_m, np.radians(s.sighting_sigma_deg)]) ** 2
 
     def _judged(self, poses: np.ndarray, edge: LoopEdge) -> LoopEdge:
         """The edge, refused if the odometry cannot have been that wrong."""
@@ -78,17 +71,6 @@ class ErrorSpreader:
             return edge
         reason = f"moves the end by {shift_m:.1f} m after {way_m:.1f} m of way"
         return LoopEdge(edge.earlier, edge.later, edge.earlier_from_later, edge.covariance, edge.inliers, False, reason)
-
-
-def weighed(poses: np.ndarray, edge: LoopEdge, covariance: np.ndarray, noise: np.ndarray) -> LoopEdge:
-    """The edge with as much of the correction as the covariances allow: one Kalman update of the later pose on the floor.
-
-    covariance (6, 6): of the pose at the end as the odometry believes it; noise (3, 3): added to the edge's own."""
-    floor = np.ix_([0, 1, 5], [0, 1, 5])
-    believed, seen = covariance[floor], edge.covariance[floor] + noise
-    shift = believed @ np.linalg.solve(believed + seen, planar(closing_gap(poses, edge)))
-    moved = inverse(poses[edge.earlier]) @ poses[edge.later] @ se2(*shift)
-    return replace(edge, earlier_from_later=moved)
 
 
 def spread(poses: np.ndarray, edge: LoopEdge, *, turned: bool = False) -> np.ndarray:

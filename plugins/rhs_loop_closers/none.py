@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
-from rhs.api.contracts import Context, LoopCloser
+from rhs.api.contracts import Context, LoopCloser, PartSettings
 from rhs.api.records import Closure, View
 
 
 @dataclass
-class NoClosing:
+class NoClosing(PartSettings):
     """Leaves the survey as it is."""
-
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> LoopCloser:
         return Unclosed()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rhs.api.errors import check_ranges
+from rhs.api.errors import within
 
 from .shared_config import TreeSettings, repeated, scaled_to
 
@@ -13,17 +13,13 @@ from .shared_config import TreeSettings, repeated, scaled_to
 class BitStar(TreeSettings):
     """BIT* (Gammell, Srinivasa, Barfoot 2015), by OMPL: best-first search over batches of samples."""
 
-    owner, method = "planner.bit_star", "bit_star"
+    method = "bit_star"
 
-    batch: int = 100
+    batch: int = within(100, 1, 100_000)
     """samples per batch, OMPL's default"""
-    iterations: int = 0
+    iterations: int = within(0, 0, 10_000_000)
     """steps of the search, all of them used; 0: 20,000 (5000 miss the gap of map 4 in two seeds of five), and while
     there is no path as many again, until there were three for every free cell"""
-
-    def __post_init__(self):
-        super().__post_init__()
-        check_ranges(self.owner, self, batch=(1, 100_000), iterations=(0, 10_000_000))
 
     def rounds(self, free_cells: int) -> list[int]:
         return [self.iterations] if self.iterations else repeated(20_000, scaled_to(free_cells, each=3.0, least=20_000))
@@ -34,18 +30,14 @@ class Fmt(TreeSettings):
     """FMT*, fast marching tree (Janson, Schmerling, Clark, Pavone 2015), by OMPL: one batch, one sweep,
     then single samples where the sweep ended before the goal."""
 
-    owner, method = "planner.fmt", "fmt"
+    method = "fmt"
 
-    samples: int = 2000
+    samples: int = within(2000, 1, 200_000)
     """in the one batch; 1000 miss the narrow passage of map 4 in a fifth of the seeds"""
-    iterations: int = 0
+    iterations: int = within(0, 0, 10_000_000)
     """samples, also those that fall on blocked cells, and steps of the sweep together, before the budget is spent; 0:
     10,000, and while there is no path four times as many for a new batch of twice as many samples, until there were
     three for every free cell"""
-
-    def __post_init__(self):
-        super().__post_init__()
-        check_ranges(self.owner, self, samples=(1, 200_000), iterations=(0, 10_000_000))
 
     def rounds(self, free_cells: int) -> list[int]:
         rounds = [self.iterations or 10_000]

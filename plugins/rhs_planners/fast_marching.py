@@ -15,30 +15,27 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from rhs.api.jit import typed
-from rhs.api.records import Path, PlanningProblem
+from rhs.api.records import Path
 from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
 from .heap import pop, push
-from .problem import Ground, Task, begin, finish
+from .problem import CellPlanner, Task, finish
 
 _FIELD = nb.types.Array(nb.float64, 2, "C")
 _LEVELS, _SIDE = 30, 200  # contours of a picture, and cells of a field looked at along its longer side: it shows no more
 _SOURCE_CELLS = 3  # half width of the square round the goal that gets exact times
 
 
-class FastMarchingPlanner:
-    """rhs.api.contracts.Planner. Settings: fast_marching_config.FastMarching."""
+class FastMarchingPlanner(CellPlanner):
+    """Settings: fast_marching_config.FastMarching."""
 
     def __init__(self, settings):
-        self._settings, self._ground = settings, Ground()
+        super().__init__(settings)
         self._speed, self._version = np.empty((0, 0)), -1
         self._times, self._key = np.empty((0, 0)), None
 
-    def plan(self, problem: PlanningProblem) -> Path:
+    def solve(self, task: Task) -> Path:
         """Times from the goal, unless they are at hand; descend."""
-        task = begin(problem, self._ground, self._settings.start_radius_m)
-        if isinstance(task, Path):
-            return task
         learning = time.process_time()
         if self._version != self._ground.version:
             self._speed, self._version = self._speeds(task), self._ground.version

@@ -5,20 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from rhs.api.contracts import Context, Planner
-from rhs.api.errors import check_ranges
+from rhs.api.errors import Bounded, within
 
 from .shared_config import PlannerSettings
 
 
 @dataclass
-class FastMarchingAdvanced:
+class FastMarchingAdvanced(Bounded):
     """Thresholds of `planner=fast_marching`."""
 
-    slowest: float = 0.1
+    slowest: float = within(0.1, 1e-3, 1.0)
     """speed of the wave in a cell beside a wall, when it slows down near walls; 1 in the open"""
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, slowest=(1e-3, 1.0))
 
 
 @dataclass
@@ -27,15 +24,10 @@ class FastMarching(PlannerSettings):
     local minima, descended from the start. Complete. Kept while goal and map stay the same."""
 
     preload = ("rhs_planners.fast_marching",)
-    owner = "planner.fast_marching"
 
-    comfort_m: float = 0.0
+    comfort_m: float = within(0.0, 0.0, 100.0)
     """the wave is slower this near to blocked cells, so paths keep away; 0: shortest paths"""
     advanced: FastMarchingAdvanced = field(default_factory=FastMarchingAdvanced)
-
-    def __post_init__(self):
-        super().__post_init__()
-        check_ranges(self.owner, self, comfort_m=(0.0, 100.0))
 
     def build(self, context: Context) -> Planner:
         from .fast_marching import FastMarchingPlanner

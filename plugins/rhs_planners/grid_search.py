@@ -10,27 +10,21 @@ import numba as nb
 import numpy as np
 
 from rhs.api.jit import typed
-from rhs.api.records import Path, PlanningProblem
+from rhs.api.records import Path
 from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
 from .heap import pop, push
-from .problem import Ground, begin, finish
+from .problem import CellPlanner, Task, finish
 
 _BRANCHES = 4000  # of the tree of predecessors that a picture shows
 _DIAGONAL = np.sqrt(2.0) - 1.0
 _RESULT = nb.types.Tuple((NEW_POINTS, nb.int64, nb.types.Array(nb.int64, 1, "C")))
 
 
-class GridSearch:
-    """rhs.api.contracts.Planner. Settings: grid_search_config.AStar or ThetaStar."""
+class GridSearch(CellPlanner):
+    """Settings: grid_search_config.AStar or ThetaStar."""
 
-    def __init__(self, settings):
-        self._settings, self._ground = settings, Ground()
-
-    def plan(self, problem: PlanningProblem) -> Path:
-        task = begin(problem, self._ground, self._settings.start_radius_m)
-        if isinstance(task, Path):
-            return task
+    def solve(self, task: Task) -> Path:
         cells, expanded, parent = search(task.grid, task.ends, self._settings.expansions, self._settings.any_angle)
         raw = cells if len(cells) else None
         return finish(task, raw, extras={"expanded": float(expanded)},

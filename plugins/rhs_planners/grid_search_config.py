@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Planner
-from rhs.api.errors import check_ranges
+from rhs.api.errors import within
 
 from .shared_config import PlannerSettings
 
@@ -16,15 +16,10 @@ class AStar(PlannerSettings):
     """A* over eight neighbours without cutting corners (Hart, Nilsson, Raphael 1968): complete, shortest on the grid."""
 
     preload = ("rhs_planners.grid_search",)
-    owner = "planner.astar"
     any_angle: ClassVar[bool] = False
 
-    expansions: int = 100_000_000
+    expansions: int = within(100_000_000, 1, 10**12)
     """cells taken up before the budget is spent; above any map's number of cells"""
-
-    def __post_init__(self):
-        super().__post_init__()
-        check_ranges(self.owner, self, expansions=(1, 10**12))
 
     def build(self, context: Context) -> Planner:
         from .grid_search import GridSearch
@@ -36,5 +31,4 @@ class AStar(PlannerSettings):
 class ThetaStar(AStar):
     """Theta* (Nash, Daniel, Koenig, Felner 2007): A* whose paths may leave the grid's directions. Complete."""
 
-    owner = "planner.theta_star"
     any_angle = True

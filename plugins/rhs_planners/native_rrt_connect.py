@@ -12,31 +12,29 @@ import numba as nb
 import numpy as np
 
 from rhs.api.jit import compiled, typed
-from rhs.api.records import Path, PlanningProblem
+from rhs.api.records import Path
 from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
 from .chance import uniform
-from .problem import Ground, already_there, begin, finish
+from .problem import CellPlanner, Task, already_there, finish
 
 _FIRST_ROOM = 256  # vertices a tree has room for at first
 _MANY = 500  # vertices from which on looking into squares is quicker
 _SQUARE = 16  # cells a side
 
 
-class NativeRrtConnect:
-    """rhs.api.contracts.Planner. Settings: rrt_config.RrtConnect."""
+class NativeRrtConnect(CellPlanner):
+    """Settings: rrt_config.RrtConnect."""
 
     def __init__(self, settings, rng: np.random.Generator):
-        self._settings, self._rng, self._ground = settings, rng, Ground()
+        super().__init__(settings)
+        self._rng = rng
 
-    def plan(self, problem: PlanningProblem) -> Path:
-        task = begin(problem, self._ground, self._settings.start_radius_m)
-        if isinstance(task, Path):
-            return task
+    def solve(self, task: Task) -> Path:
         there = already_there(task)
         if there is not None:
             return finish(task, there, extras={"iterations": 0.0})
-        step = self._settings.range_m / problem.resolution_m or 0.2 * math.hypot(*problem.blocked.shape)
+        step = self._settings.range_m / task.problem.resolution_m or 0.2 * math.hypot(*task.problem.blocked.shape)
         seed = self._rng.bit_generator.random_raw()
         rounds = self._settings.rounds(task.ground.free_cells)
         raw, edges, used = connect(task.grid, task.ends, seed, step, rounds[0])

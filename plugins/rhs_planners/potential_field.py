@@ -15,31 +15,28 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from rhs.api.jit import compiled, typed
-from rhs.api.records import Path, PlanningProblem
+from rhs.api.records import Path
 from rhs.estimation.paths.line import GRID, NEW_POINTS, POINTS, segment_free
 
-from .problem import Ground, Task, begin, finish
+from .problem import CellPlanner, Task, finish
 
 _FIELD = nb.types.Array(nb.float64, 2, "C")
 
 
-class PotentialFieldPlanner:
-    """rhs.api.contracts.Planner. Settings: potential_field_config.PotentialField."""
+class PotentialFieldPlanner(CellPlanner):
+    """Settings: potential_field_config.PotentialField."""
 
     def __init__(self, settings):
-        self._settings, self._ground = settings, Ground()
+        super().__init__(settings)
         self._repulsion, self._version = np.empty((0, 0)), -1
 
-    def plan(self, problem: PlanningProblem) -> Path:
+    def solve(self, task: Task) -> Path:
         """Potential of the goal over the kept repulsion, walk, cut loops."""
-        task = begin(problem, self._ground, self._settings.start_radius_m)
-        if isinstance(task, Path):
-            return task
         learning = time.process_time()
         if self._version != self._ground.version:
             self._repulsion, self._version = self._repel(task), self._ground.version
         learn_ms = 1e3 * (time.process_time() - learning)
-        step_m = problem.resolution_m
+        step_m = task.problem.resolution_m
         field = _with_attraction(self._repulsion, step_m, task.goal[0], task.goal[1])
         every = max(1, round(self._settings.trail_step_m / step_m))
         walk, arrived = descend(task.grid, field, task.ends, every, self._settings.trail * every * step_m,

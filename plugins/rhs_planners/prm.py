@@ -14,9 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
-from rhs.api.records import Path, PlanningProblem
+from rhs.api.records import Path
 
-from .problem import Ground, Task, already_there, begin, finish
+from .problem import CellPlanner, Task, already_there, finish
 from .roadmap import Roadmap
 
 
@@ -26,22 +26,19 @@ class Grower(Protocol):
     def grow(self, grid: np.ndarray, vertices: int, *, stale: bool) -> Roadmap: ...
 
 
-class RoadmapPlanner:
-    """rhs.api.contracts.Planner over one roadmap per map. begin_growing(task, rng) gives a grower for a new map."""
+class RoadmapPlanner(CellPlanner):
+    """Over one roadmap per map. begin_growing(task, rng) gives a grower for a new map."""
 
     def __init__(self, settings, rng: np.random.Generator, begin_growing: Callable[[Task, np.random.Generator], Grower]):
-        self._settings, self._rng, self._begin_growing = settings, rng, begin_growing
-        self._ground = Ground()
+        super().__init__(settings)
+        self._rng, self._begin_growing = rng, begin_growing
         self._roadmap: Roadmap | None = None
         self._version = -1  # of the ground, when the roadmap was last made or repaired
         self._grower: Grower
         self._stale = False  # cells have changed since the first edges were found
 
-    def plan(self, problem: PlanningProblem) -> Path:
+    def solve(self, task: Task) -> Path:
         """Learn or repair, query, and grow on while start and goal are in one piece but not joined."""
-        task = begin(problem, self._ground, self._settings.start_radius_m)
-        if isinstance(task, Path):
-            return task
         counts = {"edges_cut": 0.0, "edges_restored": 0.0, "growths": 0.0, "learnt": 0.0}
         learning = time.process_time()
         self._make_ready(task, counts)

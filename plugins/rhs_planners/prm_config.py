@@ -7,20 +7,17 @@ from functools import partial
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Planner
-from rhs.api.errors import check_choice, check_range, check_ranges
+from rhs.api.errors import Bounded, one_of, within
 
 from .shared_config import PlannerSettings, scaled_to
 
 
 @dataclass
-class RoadmapAdvanced:
+class RoadmapAdvanced(Bounded):
     """Thresholds of the roadmap planners."""
 
-    other_map_share: float = 0.25
+    other_map_share: float = within(0.25, 0.0, 1.0)
     """more changed cells than this share are another map, not an obstacle: the roadmap is learnt anew"""
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, other_map_share=(0.0, 1.0))
 
 
 @dataclass
@@ -28,25 +25,18 @@ class _Roadmap(PlannerSettings):
     _star: ClassVar[bool]
     preload = ("rhs_planners.prm", "rhs_planners.native_roadmap")
 
-    backend: str = "native"
+    backend: str = one_of("native", "ompl")
     """native: compiled, learns about eight times faster; ompl: the same method by OMPL"""
-    milestones: int = 500
+    milestones: int = within(500, 1, 200_000)
     """vertices learnt once per map; cover 100 x 100 cells with corridors, more are grown when needed"""
-    growth: int = 250
+    growth: int = within(250, 1, 200_000)
     """vertices added when start and goal are not joined yet"""
-    growth_rounds: int | None = None
+    growth_rounds: int | None = within(None, 0, 10_000)
     """how often a query may add them before its budget is spent; null: until there is a vertex for every 20 free
     cells, at least 20 times"""
-    links: int = 12
+    links: int = within(12, 1, 1000)
     """vertices in sight that start and goal are joined to"""
     advanced: RoadmapAdvanced = field(default_factory=RoadmapAdvanced)
-
-    def __post_init__(self):
-        super().__post_init__()
-        check_choice(self.owner, "backend", self.backend, ("native", "ompl"))
-        check_ranges(self.owner, self, milestones=(1, 200_000), growth=(1, 200_000), links=(1, 1000))
-        if self.growth_rounds is not None:
-            check_range(self.owner, "growth_rounds", self.growth_rounds, low=0, high=10_000)
 
     def rounds(self, free_cells: int) -> int:
         if self.growth_rounds is not None:
@@ -69,11 +59,11 @@ class _Roadmap(PlannerSettings):
 class Prm(_Roadmap):
     """Probabilistic roadmap (Kavraki, Svestka, Latombe, Overmars 1996), kept for every later query."""
 
-    owner, _star = "planner.prm", False
+    _star = False
 
 
 @dataclass
 class PrmStar(_Roadmap):
     """PRM* (Karaman and Frazzoli 2011): as prm, with more neighbours per vertex as it grows, to approach the best."""
 
-    owner, _star = "planner.prm_star", True
+    _star = True

@@ -95,6 +95,20 @@ class Task:
         return scaled(cells.reshape(-1, 2), step, x - step, y - step).reshape(cells.shape)
 
 
+class CellPlanner:
+    """rhs.api.contracts.Planner over cells. Who derives from it has `solve(task)`, for ends that can be used."""
+
+    def __init__(self, settings):
+        self._settings, self._ground = settings, Ground()
+
+    def plan(self, problem: PlanningProblem) -> Path:
+        task = begin(problem, self._ground, self._settings.start_radius_m)
+        return task if isinstance(task, Path) else self.solve(task)
+
+    def solve(self, task: Task) -> Path:
+        raise NotImplementedError
+
+
 def begin(problem: PlanningProblem, ground: Ground, start_radius_m: float) -> Task | Path:
     """The task, or the Path that says why start or goal cannot be used.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rhs.api.contracts import Context, Planner
-from rhs.api.errors import check_choice, check_range, check_ranges
+from rhs.api.errors import one_of, within
 
 from .shared_config import TreeSettings, in_two, repeated, scaled_to
 
@@ -14,18 +14,14 @@ from .shared_config import TreeSettings, in_two, repeated, scaled_to
 class Rrt(TreeSettings):
     """Rapidly-exploring random tree (LaValle 1998), by OMPL. Stops at the first path."""
 
-    owner, method = "planner.rrt", "rrt"
+    method = "rrt"
 
-    range_m: float = 0.0
+    range_m: float = within(0.0, 0.0, 1e4)
     """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
-    goal_bias: float = 0.05
+    goal_bias: float = within(0.05, 0.0, 1.0)
     """share of samples that are the goal itself"""
-    iterations: int = 0
+    iterations: int = within(0, 0, 10_000_000)
     """samples before the budget is spent; 0: three for every free cell, at least 20,000"""
-
-    def __post_init__(self):
-        super().__post_init__()
-        check_ranges(self.owner, self, range_m=(0.0, 1e4), goal_bias=(0.0, 1.0), iterations=(0, 10_000_000))
 
     def rounds(self, free_cells: int) -> list[int]:
         return [self.iterations] if self.iterations else in_two(20_000, scaled_to(free_cells, each=3.0, least=20_000))
@@ -36,19 +32,14 @@ class RrtConnect(TreeSettings):
     """RRT-Connect (Kuffner and LaValle 2000): two trees that reach for each other. Stops at the first path."""
 
     preload = ("rhs_planners.native_rrt_connect",)
-    owner, method = "planner.rrt_connect", "rrt_connect"
+    method = "rrt_connect"
 
-    backend: str = "native"
+    backend: str = one_of("native", "ompl")
     """native: compiled whole, about five times faster; ompl: the same method by OMPL"""
-    range_m: float = 0.0
+    range_m: float = within(0.0, 0.0, 1e4)
     """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
-    iterations: int = 0
+    iterations: int = within(0, 0, 10_000_000)
     """samples before the budget is spent; 0: three for every free cell, at least 10,000"""
-
-    def __post_init__(self):
-        super().__post_init__()
-        check_ranges(self.owner, self, range_m=(0.0, 1e4), iterations=(0, 10_000_000))
-        check_choice(self.owner, "backend", self.backend, ("native", "ompl"))
 
     def rounds(self, free_cells: int) -> list[int]:
         return [self.iterations] if self.iterations else in_two(10_000, scaled_to(free_cells, each=3.0, least=10_000))
@@ -65,23 +56,17 @@ class RrtConnect(TreeSettings):
 class RrtStar(TreeSettings):
     """RRT* (Karaman and Frazzoli 2011), by OMPL: goes on improving until its iterations are used up."""
 
-    owner, method = "planner.rrt_star", "rrt_star"
+    method = "rrt_star"
 
-    range_m: float = 0.0
+    range_m: float = within(0.0, 0.0, 1e4)
     """longest edge; 0 for a fifth of the map's diagonal, OMPL's own choice"""
-    goal_bias: float = 0.05
+    goal_bias: float = within(0.05, 0.0, 1.0)
     """share of samples that are the goal itself"""
-    iterations: int = 5000
+    iterations: int = within(5000, 1, 10_000_000)
     """samples, all of them used"""
-    extensions: int | None = None
+    extensions: int | None = within(None, 0, 10_000)
     """as many samples again, this often, while there is no path: narrow gaps take some seeds longer; null: until there
     were three for every free cell, at least 4 times"""
-
-    def __post_init__(self):
-        super().__post_init__()
-        check_ranges(self.owner, self, range_m=(0.0, 1e4), goal_bias=(0.0, 1.0), iterations=(1, 10_000_000))
-        if self.extensions is not None:
-            check_range(self.owner, "extensions", self.extensions, low=0, high=10_000)
 
     def rounds(self, free_cells: int) -> list[int]:
         """The samples of each round: one that is used up, and more for as long as there is no path."""
@@ -97,4 +82,4 @@ class RrtStar(TreeSettings):
 class InformedRrtStar(RrtStar):
     """Informed RRT* (Gammell, Srinivasa, Barfoot 2014), by OMPL: samples only where the path can still get shorter."""
 
-    owner, method = "planner.informed_rrt_star", "informed_rrt_star"
+    method = "informed_rrt_star"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Planner
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Context, PartSettings, Planner
+from rhs.api.errors import within
 
 
 def scaled_to(free_cells: int, *, each: float, least: int, most: int = 1_000_000) -> int:
@@ -26,19 +26,13 @@ def repeated(first: int, total: int) -> list[int]:
 
 
 @dataclass
-class PlannerSettings:
+class PlannerSettings(PartSettings):
     """What all planners of this package share; see problem.begin."""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     preload: ClassVar[tuple[str, ...]]
-    owner: ClassVar[str]  # what stands before a setting's name in messages
 
-    start_radius_m: float = 0.3
+    start_radius_m: float = within(0.3, 0.0, 10.0)
     """a start in a blocked cell is set off to a free one this near; one robot radius"""
-
-    def __post_init__(self) -> None:
-        check_ranges(self.owner, self, start_radius_m=(0.0, 10.0))
 
 
 @dataclass

@@ -10,29 +10,27 @@ from typing import Any
 import numpy as np
 from ompl import geometric as og
 
-from rhs.api.records import Path, PlanningProblem
+from rhs.api.records import Path
 
 from .ompl_space import Counter, GridMotion, LoggedGridMotion, definition, edges_of, fresh_seed, solution, space_over
-from .problem import Ground, Task, already_there, begin, finish
+from .problem import CellPlanner, Task, already_there, finish
 
 
-class TreePlanner:
+class TreePlanner(CellPlanner):
     """make(information, settings, resolution_m, times) gives the OMPL planner, `times` as thorough as at first;
     settings.rounds(free_cells) the steps that each round of the search may take."""
 
     def __init__(self, settings, rng: np.random.Generator, make: Callable):
-        self._settings, self._rng, self._make = settings, rng, make
+        super().__init__(settings)
+        self._rng, self._make = rng, make
         self._anew = make is fmt  # it cannot go on with the tree it has; every round takes a new one
         # BIT*'s tree cannot be read, OMPL then keeps its vertices for ever: the edges it tested are drawn instead
         self._motion = LoggedGridMotion if make is bit_star else GridMotion
-        self._ground, self._version = Ground(), -1
+        self._version = -1
         self._space: tuple[Any, GridMotion]  # over the ground of that version
 
-    def plan(self, problem: PlanningProblem) -> Path:
+    def solve(self, task: Task) -> Path:
         """Space over the grid, unless it is at hand; seed; make; solve within the counted budgets; check."""
-        task = begin(problem, self._ground, self._settings.start_radius_m)
-        if isinstance(task, Path):
-            return task
         there = already_there(task)
         if there is not None:
             return finish(task, there, extras={"iterations": 0.0})

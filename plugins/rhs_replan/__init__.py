@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from rhs.api.contracts import Blockage, Blocked, Context
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Blockage, Blocked, Context, PartSettings
+from rhs.api.errors import within
 
 MOST = 100_000
 
 
-class OwnPart:
+class OwnPart(PartSettings):
     """Settings that decide themselves: what is built of them is what was typed."""
-
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
 
     def build(self, context: Context) -> Any:
         return self
@@ -35,11 +32,8 @@ class NewMission(OwnPart):
 class Wait(OwnPart):
     """Stand still for a while, in case it goes away; then as `new_mission`."""
 
-    views: int = 40
+    views: int = within(40, 0, MOST)
     """views to wait for something new on the path, or where there is no way round, half a second each"""
-
-    def __post_init__(self) -> None:
-        check_ranges("replan", self, views=(0, MOST))
 
     def blocked(self, blockage: Blockage) -> Blocked:
         if (blockage.no_way or not blockage.known) and blockage.waited < self.views:
@@ -51,11 +45,8 @@ class Wait(OwnPart):
 class GoRound(OwnPart):
     """Plan again round it, in the same mission; only where there is no way round, stand still for a while."""
 
-    views: int = 40
+    views: int = within(40, 0, MOST)
     """views to wait where there is no way round, half a second each; then the place is left out"""
-
-    def __post_init__(self) -> None:
-        check_ranges("replan", self, views=(0, MOST))
 
     def blocked(self, blockage: Blockage) -> Blocked:
         return Blocked.WAIT if blockage.no_way and blockage.waited < self.views else Blocked.REPLAN
@@ -66,13 +57,10 @@ class SkipAndReturn(OwnPart):
     """Go on with the next place and come back to this one when the others are done; where no other is left, and after
     so many tries of one place, as `go_round`."""
 
-    tries: int = 2
+    tries: int = within(2, 0, 1000)
     """times that a place is put off"""
-    views: int = 40
+    views: int = within(40, 0, MOST)
     """views to wait where there is neither another place nor a way round, half a second each"""
-
-    def __post_init__(self) -> None:
-        check_ranges("replan", self, tries=(0, 1000), views=(0, MOST))
 
     def blocked(self, blockage: Blockage) -> Blocked:
         if blockage.others and blockage.skipped < self.tries:
@@ -87,13 +75,10 @@ class Ask(OwnPart):
     file: str = "answer.txt"
     """where the answer is read: new_mission, replan, wait, skip or give_up. A path; what is not there is no answer, and the
     word counts until the file is taken away"""
-    views: int = 40
+    views: int = within(40, 0, MOST)
     """views to wait for an answer, half a second each"""
-    tries: int = 2
+    tries: int = within(2, 0, 1000)
     """times that a place is put off where nobody answers"""
-
-    def __post_init__(self) -> None:
-        check_ranges("replan", self, views=(0, MOST), tries=(0, 1000))
 
     def blocked(self, blockage: Blockage) -> Blocked:
         try:

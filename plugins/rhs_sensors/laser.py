@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import ConfigError, ContractError, check_ranges
+from rhs.api.errors import ContractError, within
 from rhs.api.records import Capture, Observation, Scan
 
 from .degrade import Encoders, frozen
@@ -22,19 +22,12 @@ class Laser(Wheeled):
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "wheel", "command"})
 
-    range_sigma_m: float = 0.01
+    range_sigma_m: float = within(0.01, 0.0, 10.0)
     """noise of each range, metres (1 sigma); 0.01: a Hokuyo UTM-30LX"""
-    min_range_m: float = 0.05
+    min_range_m: float = within(0.05, 0.0, 100.0, below="max_range_m")
     """nearer readings are unknown, metres (dirt and the robot itself)"""
-    max_range_m: float = 30.0
+    max_range_m: float = within(30.0, 0.1, 1000.0)
     """readings beyond this say only that nothing is nearer, metres"""
-
-    def __post_init__(self) -> None:
-        owner = "sensor.laser"
-        check_ranges(owner, self, range_sigma_m=(0.0, 10.0), min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0))
-        if self.min_range_m >= self.max_range_m:
-            raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
-        self.check_wheels(owner)
 
     def build(self, context: Context) -> Sensor:
         return LaserSensor(self, context)

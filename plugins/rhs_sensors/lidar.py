@@ -8,37 +8,29 @@ from typing import ClassVar
 import numpy as np
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import ConfigError, ContractError, check_ranges
+from rhs.api.errors import Bounded, ContractError, within
 from rhs.api.records import Capture, Observation, Scan
 
 from .degrade import frozen
 
 
 @dataclass
-class Lidar:
+class Lidar(Bounded):
     """A lidar's point clouds (the extra modality `cloud`) and wheel travel, for recordings; the map is of a band of them."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"cloud"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "wheel", "command"})
 
-    low_m: float = 0.1
+    low_m: float = within(0.1, -100.0, 100.0, below="high_m")
     """the scan is the nearest point on each bearing from this height over the body's origin, metres; above the floor"""
-    high_m: float = 1.0
+    high_m: float = within(1.0, -100.0, 100.0)
     """up to this height, metres"""
-    beams: int = 360
+    beams: int = within(360, 8, 10_000)
     """beams of the scan, all around"""
-    min_range_m: float = 0.5
+    min_range_m: float = within(0.5, 0.0, 100.0, below="max_range_m")
     """nearer points are the robot itself, metres"""
-    max_range_m: float = 50.0
+    max_range_m: float = within(50.0, 0.1, 1000.0)
     """further points do not enter the scan, metres"""
-
-    def __post_init__(self) -> None:
-        owner = "sensor.lidar"
-        check_ranges(owner, self, low_m=(-100.0, 100.0), high_m=(-100.0, 100.0), beams=(8, 10_000),
-                     min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0))
-        for low, high in (("low_m", "high_m"), ("min_range_m", "max_range_m")):
-            if getattr(self, low) >= getattr(self, high):
-                raise ConfigError(f"{owner}.{low}={getattr(self, low)} is not below {high}={getattr(self, high)}")
 
     def build(self, context: Context) -> Sensor:
         return LidarSensor(self, context)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import check_ranges
+from rhs.api.errors import within
 from rhs.api.records import Capture, Observation
 
 from .degrade import Encoders, image_of, noisy_image
@@ -20,12 +20,8 @@ class Mono(Wheeled):
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "wheel", "command"})
 
-    image_sigma: float = 2.0
+    image_sigma: float = within(2.0, 0.0, 255.0)
     """noise of each colour channel, grey levels of 255 (1 sigma)"""
-
-    def __post_init__(self) -> None:
-        check_ranges("sensor.mono", self, image_sigma=(0.0, 255.0))
-        self.check_wheels("sensor.mono")
 
     def build(self, context: Context) -> Sensor:
         return MonoSensor(self, context)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import ConfigError, check_range, check_ranges
+from rhs.api.errors import ConfigError, check_range, within
 from rhs.estimation.scans.settings import BandSettings
 from rhs.estimation.views.settings import DepthNoiseSettings
 
@@ -29,39 +29,33 @@ class Rgbd(Wheeled):
     needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
 
-    min_range_m: float = 0.4
+    min_range_m: float = within(0.4, 0.0, 100.0, below="max_range_m")
     """nearer depths are unknown, metres along the optical axis (Kinect: 0.4)"""
-    max_range_m: float = 8.0
+    max_range_m: float = within(8.0, 0.1, 1000.0)
     """further depths are unknown, metres (Kinect: 8)"""
-    depth_noise: float = 1.0
+    depth_noise: float = within(1.0, 0.0, 1000.0)
     """deviation of the noise of depth, times that of a Kinect; nobody is told, the parts measure it in the views"""
-    depth_constant_m: float = 0.0012
+    depth_constant_m: float = within(0.0012, 0.0, 1.0)
     """sigma_z = constant + quadratic * (z - 0.4 m)^2, metres (Nguyen 2012, Kinect)"""
-    depth_quadratic_per_m: float = 0.0019
+    depth_quadratic_per_m: float = within(0.0019, 0.0, 1.0)
     """the quadratic part of sigma_z, 1/m (Nguyen 2012, Kinect); see depth_constant_m"""
-    disparity_step_px: float = 0.125
+    disparity_step_px: float = within(0.125, 0.0, 10.0)
     """disparity is reported in steps of this many pixels (Kinect: 1/8); 0 = exact"""
     disparity_m_px: float = 43.5
     """focal length times baseline, metre pixels (Kinect: 580 px * 0.075 m)"""
-    image_sigma: float = 2.0
+    image_sigma: float = within(2.0, 0.0, 255.0)
     """noise of each colour channel, grey levels of 255 (1 sigma)"""
-    beams: int = 0
+    beams: int = within(0, 0, 10_000)
     """beams of the scan, evenly spaced columns; 0 = one per image column"""
-    scan_rows: int = 1
+    scan_rows: int = within(1, 1, 99)
     """odd number of rows around the camera's height whose median is the scan; 1 = the thesis"""
     advanced: RgbdAdvanced = field(default_factory=RgbdAdvanced)
 
     def __post_init__(self) -> None:
-        owner = "sensor.rgbd"
-        check_ranges(owner, self, min_range_m=(0.0, 100.0), max_range_m=(0.1, 1000.0), depth_noise=(0.0, 1000.0),
-                     depth_constant_m=(0.0, 1.0), depth_quadratic_per_m=(0.0, 1.0), disparity_step_px=(0.0, 10.0),
-                     image_sigma=(0.0, 255.0), beams=(0, 10_000), scan_rows=(1, 99))
-        check_range(owner, "disparity_m_px", self.disparity_m_px, low=0.1, high=10_000.0, unit="m px")
-        if self.min_range_m >= self.max_range_m:
-            raise ConfigError(f"{owner}.min_range_m={self.min_range_m} is not below max_range_m={self.max_range_m}")
+        super().__post_init__()
+        check_range("", "disparity_m_px", self.disparity_m_px, low=0.1, high=10_000.0, unit="m px")
         if self.scan_rows % 2 == 0:
-            raise ConfigError(f"{owner}.scan_rows={self.scan_rows} is even; expected an odd number such as 1 or 3")
-        self.check_wheels(owner)
+            raise ConfigError(f"scan_rows={self.scan_rows} is even; expected an odd number such as 1 or 3")
 
     def build(self, context: Context) -> Sensor:
         from .rgbd_sensor import RgbdSensor

@@ -6,33 +6,27 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import ConfigError, check_range, check_ranges
+from rhs.api.errors import Bounded, ConfigError, check_range, within
 from rhs.estimation.scans.settings import BandSettings, FloorEndSettings
 
 from .wheeled import Wheeled
 
 
 @dataclass
-class StereoAdvanced:
+class StereoAdvanced(Bounded):
     """Thresholds of `sensor=stereo`."""
 
-    step_penalty: float = 8.0
+    step_penalty: float = within(8.0, 0.0, 1e4, below="jump_penalty")
     """P1 of semi-global matching: of a disparity that differs by 1 from its neighbour's, grey levels times the block's
     pixels (OpenCV's example)"""
-    jump_penalty: float = 32.0
+    jump_penalty: float = within(32.0, 0.0, 1e4)
     """P2, of one that differs by more"""
-    speckle_px: int = 60
+    speckle_px: int = within(60, 0, 100_000)
     """smaller islands of disparity are unknown, pixels of an image 320 wide; grows with the image"""
-    texture_half_px: int = 4
+    texture_half_px: int = within(4, 0, 50)
     """texture is measured in a square of this half side, pixels"""
     obstacle: BandSettings = field(default_factory=lambda: BandSettings(floor_m=0.1, floor_per_m=0.05, range_m=3.0))
     floor_end: FloorEndSettings = field(default_factory=FloorEndSettings)
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, step_penalty=(0.0, 1e4), jump_penalty=(0.0, 1e4), speckle_px=(0, 100_000),
-                     texture_half_px=(0, 50))
-        if self.step_penalty >= self.jump_penalty:
-            raise ConfigError(f"step_penalty={self.step_penalty} is not below jump_penalty={self.jump_penalty}")
 
 
 @dataclass
@@ -43,46 +37,41 @@ class Stereo(Wheeled):
     needs: ClassVar[frozenset[str]] = frozenset({"image", "right_image"})
     provides: ClassVar[frozenset[str]] = frozenset({"image", "gray", "depth", "scan", "wheel", "command"})
 
-    image_sigma: float = 2.0
+    image_sigma: float = within(2.0, 0.0, 255.0)
     """noise of each colour channel of both images, grey levels of 255 (1 sigma)"""
-    disparity_sigma_px: float = 0.3
+    disparity_sigma_px: float = within(0.3, 0.01, 10.0)
     """how well a disparity is known, pixels (1 sigma): depth z is known to sigma_z = z^2 / (f b) of it, f pixels, b metres
     from eye to eye. Only for how far depth is believed: see depth_error_share"""
-    depth_error_share: float = 0.1
+    depth_error_share: float = within(0.1, 0.001, 1.0)
     """depth is unknown beyond where sigma_z is this share of it: z = depth_error_share f b / disparity_sigma_px"""
-    max_range_m: float = 0.0
+    max_range_m: float = within(0.0, 0.0, 1000.0)
     """and beyond this, metres; 0: no other limit"""
-    min_range_m: float = 0.4
+    min_range_m: float = within(0.4, 0.01, 100.0)
     """nearer things are not looked for, metres; see search_share"""
-    search_share: float = 0.2
+    search_share: float = within(0.2, 0.01, 0.9)
     """disparities are looked for up to this share of the image's width at most: the time that takes grows with it"""
     block_px: int = 5
     """side of the block that is compared, pixels, odd"""
-    uniqueness_percent: int = 10
+    uniqueness_percent: int = within(10, 0, 99)
     """a disparity is unknown unless it is better by this many per cent than any other"""
-    left_right_px: int = 1
+    left_right_px: int = within(1, 0, 100)
     """a disparity is unknown when the one found from the right image differs by more, pixels"""
-    texture: float = 1.5
+    texture: float = within(1.5, 0.0, 255.0)
     """root mean square of the slope of grey along the row, grey levels a pixel, below which depth is unknown: a blank wall
     has none to be found. Noise of image_sigma=2 alone makes 1.0"""
-    beams: int = 0
+    beams: int = within(0, 0, 10_000)
     """beams of the scan, evenly spaced columns; 0 = one per image column"""
     scan_rows: int = 5
     """odd number of rows around the camera's height whose median is the scan"""
     advanced: StereoAdvanced = field(default_factory=StereoAdvanced)
 
     def __post_init__(self) -> None:
-        owner = "sensor.stereo"
-        check_ranges(owner, self, image_sigma=(0.0, 255.0), disparity_sigma_px=(0.01, 10.0),
-                     depth_error_share=(0.001, 1.0), max_range_m=(0.0, 1000.0), min_range_m=(0.01, 100.0),
-                     search_share=(0.01, 0.9), uniqueness_percent=(0, 99), left_right_px=(0, 100), texture=(0.0, 255.0),
-                     beams=(0, 10_000))
+        super().__post_init__()
         for name, high in (("block_px", 31), ("scan_rows", 99)):
             value = getattr(self, name)
-            check_range(owner, name, value, low=1, high=high)
+            check_range("", name, value, low=1, high=high)
             if value % 2 == 0:
-                raise ConfigError(f"{owner}.{name}={value} is even; expected an odd number such as 3 or 5")
-        self.check_wheels(owner)
+                raise ConfigError(f"{name}={value} is even; expected an odd number such as 3 or 5")
 
     def build(self, context: Context) -> Sensor:
         from .stereo_sensor import StereoSensor

@@ -22,6 +22,7 @@ log = logging.getLogger("rhs.replay")
 # Cameras of the Kinect kind read their rows one after the other. On the first 60 views of freiburg1_rpy the residual of
 # odometry=keyframe is least for 0.02 .. 0.035 s and hardly differs in between; 0 s leaves it a tenth larger.
 READOUT_S = 0.025
+LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 OFF_AXIS = 0.25  # of the width or height: principal points lie nearer to the middle, but of images that were cut
 
 _FR1 = (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
@@ -84,10 +85,13 @@ def check_pose(pose: np.ndarray, where: str) -> np.ndarray:
     rotation = pose[:3, :3]
     if not np.all(np.isfinite(pose)):
         raise ConfigError(f"{where}: the pose holds NaN or infinity; expected a rigid 4x4 motion")
+    if np.abs(pose[3] - LAST_ROW).max() > 1e-3:
+        raise ConfigError(f"{where}: the last row of the pose is {' '.join(f'{v:g}' for v in pose[3])}; expected 0 0 0 1 "
+                          "(a matrix column by column?)")
     determinant = float(np.linalg.det(rotation))
     if abs(determinant - 1.0) > 0.05 or np.abs(rotation @ rotation.T - np.eye(3)).max() > 0.05:
         raise ConfigError(f"{where}: the rotation is not in SO(3) (determinant {determinant:.3f}; expected 1)")
     u, _, vt = np.linalg.svd(rotation)
     out = pose.astype(float).copy()
-    out[:3, :3] = u @ vt
+    out[:3, :3], out[3] = u @ vt, LAST_ROW
     return out

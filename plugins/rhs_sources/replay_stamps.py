@@ -44,7 +44,7 @@ def ascending(stamps_s, max_jump_s: float) -> tuple[list[int], Counter]:
         elif i + 1 < len(stamps) and stamp - stamps[i + 1] > max_jump_s:
             counts["outlier"] += 1
         else:
-            counts["jump"] += bool(kept) and stamp - last > max_jump_s
+            counts["jump"] += int(bool(kept) and stamp - last > max_jump_s)  # json writes no number of NumPy
             kept.append(i)
     return kept, +counts
 

@@ -16,7 +16,7 @@ The contract has a version: a plugin may declare `api: ClassVar[int]`, and one n
 """
 
 from .contracts import API_VERSION, Context, SourceContext
-from .errors import ConfigError, ContractError, RhsError, check_choice, check_range, check_ranges
+from .errors import Bounded, ConfigError, ContractError, RhsError, check_choice, check_range, check_ranges, within
 from .metric import Metric
 from .records import (
     Belief,
@@ -38,7 +38,8 @@ from .records import (
 )
 
 __all__ = [
-    "API_VERSION", "Belief", "BeliefStatus", "Capture", "Closure", "ConfigError", "Context", "ContractError", "Event",
-    "Metric", "Motion", "Observation", "Path", "PlanReason", "PlanningProblem", "RhsError", "Scan", "SourceContext", "Step",
-    "Tracking", "Twist", "View", "WorldFacts", "check_choice", "check_range", "check_ranges",
+    "API_VERSION", "Belief", "BeliefStatus", "Bounded", "Capture", "Closure", "ConfigError", "Context", "ContractError",
+    "Event", "Metric", "Motion", "Observation", "Path", "PlanReason", "PlanningProblem", "RhsError", "Scan",
+    "SourceContext", "Step", "Tracking", "Twist", "View", "WorldFacts", "check_choice", "check_range", "check_ranges",
+    "within",
 ]

@@ -2,7 +2,7 @@
 
 A plugin is one dataclass named by one entry point in a group `rhs.<kind>`. The dataclass holds the settings (all with
 defaults, units in the names: numbers, bool, str, Path, Enum, Literal, list, tuple, dict, nested dataclasses, `| None`; what
-is not finite is refused), checks their ranges in `__post_init__`, declares
+is not finite is refused), keeps their ranges (`Bounded` and `within` of rhs.api, or checks in `__post_init__`), declares
 
     needs: ClassVar[frozenset[str]]      what it takes from the parts before it
     provides: ClassVar[frozenset[str]]   what it offers to the parts after it
@@ -31,7 +31,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 import numpy as np
 
 from .engine import Engine
-from .errors import ContractError
+from .errors import Bounded, ContractError
 from .floorplan import World
 from .geometry import Camera
 from .grid import OccupancyGrid
@@ -98,6 +98,14 @@ class Plugin(Protocol[_Given, _Part]):
     preload: ClassVar[tuple[str, ...]] = ()  # may be left out: heavy modules of build(), loaded once for all jobs of a sweep
 
     def build(self, context: _Given) -> _Part: ...
+
+
+class PartSettings(Bounded):
+    """Settings of a part that takes nothing from the parts before it and offers nothing to those after it, unless the
+    dataclass derived from this says otherwise."""
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    provides: ClassVar[frozenset[str]] = frozenset()
 
 
 class Source(Protocol):

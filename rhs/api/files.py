@@ -22,37 +22,36 @@ def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
     Text is UTF-8 with LF line ends on every system. Raises RhsError naming the path and the free space when the disk
     refuses; the previous file is then untouched.
     """
-    path = Path(path)
-    partial = path.with_name(f"{path.name}.tmp-{os.getpid()}")
+    partial = Path(path).with_name(f"{Path(path).name}.tmp-{os.getpid()}")
     text = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
-    try:
-        with partial.open(mode, **text) as file:  # type: ignore[call-overload]
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, path)
-    except OSError as error:
-        raise RhsError(f"cannot write {path}: {error.strerror or error} ({free_space(path)}); free some space or "
-                       f"choose another folder") from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with _renamed(partial, Path(path)), partial.open(mode, **text) as file:  # type: ignore[call-overload]
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
     """Let `write` make a file of the same ending beside `path`, then rename it: for libraries that want a name."""
     path = Path(path)
     partial = path.with_name(f"{path.stem}.tmp-{os.getpid()}{path.suffix}")
-    try:
+    with _renamed(partial, path):
         write(partial)
         with partial.open("r+b") as file:
             os.fsync(file.fileno())
+    return path
+
+
+@contextmanager
+def _renamed(partial: Path, path: Path) -> Iterator[None]:
+    """What the block leaves at `partial` takes the place of `path`; it vanishes where something went wrong."""
+    try:
+        yield
         os.replace(partial, path)
     except OSError as error:
         raise RhsError(f"cannot write {path}: {error.strerror or error} ({free_space(path)}); free some space or "
                        f"choose another folder") from error
     finally:
         partial.unlink(missing_ok=True)
-    return path
 
 
 def free_space(path: Path) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .errors import check_ranges
+from .errors import Bounded, within
 from .geometry import Camera, arc, planar
 from .robot_shape import Footprint
 from .statuses import BeliefStatus as BeliefStatus
@@ -162,50 +162,42 @@ class Belief:
 
 
 @dataclass(frozen=True)
-class FeatureAdvanced:
+class FeatureAdvanced(Bounded):
     """When the depth under a key-point is believed."""
 
-    window_half_px: int = 2
+    window_half_px: int = within(2, 1, 50)
     """half the side of the window of depth that a plane is fitted to, without its middle pixel. Pixels of the image as
     it is: a window that grows with the image was tried on 60 recorded views of 640x480, the error of a step rose by a
     tenth"""
-    window_known: float = 0.6
+    window_known: float = within(0.6, 0.0, 1.0)
     """share of the window that must be known"""
-    edge_per_m: float = 0.02
+    edge_per_m: float = within(0.02, 1e-6, 10.0)
     """inverse depths of the window lie this close to the plane, or the key-point hangs over an edge, 1/m (RMS)"""
-    occlusion_per_m: float = 0.03
+    occlusion_per_m: float = within(0.03, 1e-6, 10.0)
     """where inverse depth bends by more than this from pixel to pixel something stands in front of something else, 1/m: a
     key-point whose patch holds such an edge sees two things that move apart, and is pulled along by the wrong one"""
-    patch_diameters: float = 1.5
+    patch_diameters: float = within(1.5, 0.0, 100.0)
     """the patch that places a key-point reaches this many of its diameters from its centre"""
-    sift_px: int = 76_800
+    sift_px: int = within(76_800, 1, 1_000_000_000)
     """a picture of 4, 9, ... times so many pixels is made 2, 3, ... times smaller before key-points are looked for: SIFT
     doubles what it is given, and the finest detail of a real camera is little but noise"""
-    few_over_edges: float = 0.1
+    few_over_edges: float = within(0.1, 0.0, 1.0)
     """key-points over edges are left without depth when they are at most this share: in a corridor they bend the path, in a
     cluttered view they are too many to lose. Chosen on two places (half the drift in the square, a third more error on a
     desk)"""
 
-    def __post_init__(self) -> None:
-        check_ranges("", self, window_half_px=(1, 50), window_known=(0.0, 1.0), edge_per_m=(1e-6, 10.0),
-                     occlusion_per_m=(1e-6, 10.0), patch_diameters=(0.0, 100.0), few_over_edges=(0.0, 1.0),
-                     sift_px=(1, 1_000_000_000))
-
 
 @dataclass(frozen=True)
-class FeatureSettings:
+class FeatureSettings(Bounded):
     """Settings of the SIFT features that all parts share (rhs.estimation.views.features)."""
 
-    count: int = 300
+    count: int = within(300, 10, 100_000)
     """strongest key-points kept per 320x240 pixels (four times as many at 640x480)"""
-    contrast: float = 0.02
+    contrast: float = within(0.02, 0.0, 1.0)
     """OpenCV's contrastThreshold, smaller keeps weaker ones"""
-    ratio: float = 0.8
+    ratio: float = within(0.8, 0.1, 1.0)
     """Lowe's ratio between the nearest and the second nearest descriptor"""
     advanced: FeatureAdvanced = FeatureAdvanced()
-
-    def __post_init__(self) -> None:
-        check_ranges("features", self, count=(10, 100_000), contrast=(0.0, 1.0), ratio=(0.1, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from typing import Any
 
 from rhs.api import settings
 from rhs.api.contracts import CHOICES
+from rhs.api.errors import limits_of
 from rhs.api.records import FeatureSettings
 from rhs.base.data_dirs import data_dir
 from rhs.base.strict_yaml import load_yaml
@@ -137,9 +138,10 @@ def _core_settings() -> Iterator[str]:
 
 
 def _settings(cls: type, owner: str, skip: Sequence[str] = (), values: dict[str, Any] | None = None) -> Iterator[str]:
-    """One entry per setting: `key=default`, meaning, type; nested settings follow, with the defaults (`values`) that the
-    class above gives them."""
+    """One entry per setting: `key=default`, meaning, type, range; nested settings follow, with the defaults (`values`) that
+    the class above gives them."""
     hints, meanings, values = typing.get_type_hints(cls), field_docs(cls), values or settings.defaults(cls)
+    ranges, words = limits_of(cls, "range"), limits_of(cls, "words")
     for item in dataclasses.fields(cls):
         if not item.init or item.name in skip:
             continue
@@ -147,7 +149,9 @@ def _settings(cls: type, owner: str, skip: Sequence[str] = (), values: dict[str,
         if dataclasses.is_dataclass(hints[item.name]):
             yield from _settings(hints[item.name], key, values=values[item.name])  # type: ignore[arg-type]
             continue
-        kind = settings.type_name(hints[item.name])
+        kind = " | ".join(filter(None, words.get(item.name, ()))) or settings.type_name(hints[item.name])
+        if item.name in ranges:
+            kind += ", {:.10g} to {:.10g}".format(*ranges[item.name])
         yield from _entry(f"    {key}={show(values[item.name])}", f"{meanings.get(item.name, '')} [{kind}]".strip())
 
 

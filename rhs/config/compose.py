@@ -19,11 +19,11 @@ from typing import Any
 
 from rhs.api import settings
 from rhs.api.contracts import DEGRADE, KINDS, REPLACED_BY_SLAM, SLAM
+from rhs.api.errors import Bounded, ConfigError, PluginError, one_of, within
 from rhs.api.files import replacing
 from rhs.api.floorplan import World
 from rhs.api.records import FeatureSettings
 from rhs.api.task import Parts
-from rhs.base.errors import ConfigError, PluginError, check_choice, check_range
 from rhs.base.strict_yaml import load_yaml
 
 from . import registry
@@ -35,23 +35,23 @@ OUTPUTS = ("output", "overwrite", "recording", "pictures", "video", "live", "pro
 
 
 @dataclass
-class Core:
+class Core(Bounded):
     """What every run has, whatever its task."""
 
     world: str = "square"
     """a world of worlds/, the path of a world file, or random:FAMILY, a building drawn for this seed: see `rhs worlds`"""
-    seed: int = 0
+    seed: int = within(0, 0, 2**63 - 1)
     """seed of every random number of the run"""
-    recording: str = "auto"
+    recording: str = one_of("auto", "full", "light", "off")
     """run.mcap: full (with images), light (no images), off; auto is full in a single run, light in a sweep"""
-    pictures: str = "auto"
+    pictures: str = one_of("auto", "on", "off", "page")
     """overview.png and the like, and a patrol's comparison of each place with the survey: on, off, or page, which adds
     report.html; auto is on in a single run, off in a sweep (rhs report makes pictures later, but can compare nothing)"""
     video: bool = False
     """also make video.webm"""
     live: str = ""
     """watch while it runs: viewer (opens Rerun), an address of one, or a file ending in .rrd; empty: do not"""
-    ahead: str = "auto"
+    ahead: str = one_of("auto", "on", "off")
     """render and sense the views of a survey that is led ahead, in a thread beside the estimates, and draw the pictures in
     another process: on, off, or auto, which is on in a single run where there are two processors, off in a sweep; no number
     depends on it. off: in the first run of an installation nothing is compiled ahead either"""
@@ -60,12 +60,6 @@ class Core:
     overwrite: bool = False
     """allow writing into a folder that already holds a finished run"""
     features: FeatureSettings = field(default_factory=FeatureSettings)
-
-    def __post_init__(self) -> None:
-        check_range("", "seed", self.seed, low=0, high=2**63 - 1)
-        check_choice("", "recording", self.recording, ("auto", "full", "light", "off"))
-        check_choice("", "ahead", self.ahead, ("auto", "on", "off"))
-        check_choice("", "pictures", self.pictures, ("auto", "on", "off", "page"))
 
 
 @dataclass

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.contracts import Slam
+from rhs.api.contracts import Odometry, Slam
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, Closure, Motion, Observation, Revision, Scan, View
+from rhs.api.records import Belief, Closure, Motion, Observation, Scan, View
 
 
 def in_place_of(slam: Slam) -> dict[str, Any]:
@@ -25,18 +25,11 @@ class _Of:
         self._slam = slam
 
 
-class SlamOdometry(_Of):
+class SlamOdometry(_Of, Odometry):
     """Its motions."""
-
-    keeps_moving = None
-    short_steps = None
-    scale_from = ""
 
     def update(self, observation: Observation) -> Motion:
         return self._slam.update(observation)
-
-    def revise(self) -> Revision | None:
-        return None
 
 
 class SlamCloser(_Of):

@@ -10,7 +10,6 @@ from rhs.api.jit import INNER, inner, typed
 TOUCH = 1e-7  # cells: overlaps below this are touches, not crossings
 _GRID = nb.types.Array(nb.uint8, 2, "C")
 _POINTS = nb.types.Array(nb.float64, 2, "C")
-_BYTES = nb.types.Array(nb.uint8, 1, "C")
 
 
 @typed(nb.boolean(_GRID, nb.float64, nb.float64))

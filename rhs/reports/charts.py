@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rhs.plots import new_figure
+from rhs.api.geometry import wrap
+from rhs.plots import draw_errors, new_figure
 
 from .drawing import COLOURS
 
@@ -53,23 +54,15 @@ def errors_by_axis(steps: dict[str, np.ndarray], unit: str = "m") -> Figure | No
         return None
     figure = new_figure(9.0, 6.5)
     axes = figure.subplots(3, 1, sharex=True)
-    turn = (steps["yaw_rad"] - steps["true_yaw_rad"] + np.pi) % (2 * np.pi) - np.pi
+    turn = wrap(steps["yaw_rad"] - steps["true_yaw_rad"])
     panels = ((f"x [{unit}]", steps["x_m"] - steps["true_x_m"], steps["sigma_x_m"]),
               (f"y [{unit}]", steps["y_m"] - steps["true_y_m"], steps["sigma_y_m"]),
               ("heading [deg]", np.degrees(turn), np.degrees(steps["sigma_yaw_rad"])))
-    view, begin = np.arange(len(turn)), int(np.argmax(steps["patrol"]))
+    begin = int(np.argmax(steps["patrol"]))
     for panel, (label, error, sigma) in zip(axes, panels, strict=True):
-        panel.fill_between(view, -3 * sigma, 3 * sigma, color="#cfe3f2", linewidth=0, label="three sigma")
-        panel.plot(view, error, color=COLOURS["place"], linewidth=1.2, label="error")
-        if not steps["trusted"].all():
-            panel.fill_between(view, 0, 1, where=~steps["trusted"], transform=panel.get_xaxis_transform(), color="#f5b041",
-                               alpha=0.3, linewidth=0, label="the odometry doubts itself")
-        if 0 < begin < len(view):
+        draw_errors(panel, error, sigma, steps["trusted"])
+        if 0 < begin < len(turn):
             panel.axvline(begin - 0.5, color="#555555", linewidth=0.8, linestyle="--", label="survey ends, patrol begins")
-        largest = float(np.nanmax(np.abs(error)))
-        limit = 1.3 * max(largest, min(3.0 * float(np.nanmedian(sigma)), 3.0 * largest), 1e-3)
-        panel.set_ylim(-limit, limit)
-        panel.axhline(0.0, color="#888888", linewidth=0.6)
         panel.set_ylabel(f"error in {label}")
     axes[0].legend(fontsize=8, frameon=False, loc="upper left", ncols=4)
     axes[-1].set_xlabel("view")

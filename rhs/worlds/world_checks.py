@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import replace
 from functools import lru_cache
 from typing import Protocol
@@ -28,8 +29,8 @@ class Located(Protocol):
 
 def check_world(world: World, file: Located) -> None:
     """Refuse a world that is too large, and a start, place or route where the robot cannot stand."""
-    _check_names(world, file)
     check_extent(world, file)
+    _check_names(world, file)
     if np.hypot(*(world.route_m[0] - np.array(world.start[:2]))) > 1e-6:
         raise ConfigError(f"{file.where('route_m')}: route_m begins at {world.route_m[0].tolist()}; "
                           f"expected the start {list(world.start[:2])}")
@@ -50,7 +51,7 @@ def check_world(world: World, file: Located) -> None:
 def _check_names(world: World, file: Located) -> None:
     for key, things in (("walls", world.walls), ("boxes", world.boxes + world.obstacles)):
         names = [thing.name for thing in things]
-        twice = sorted({name for name in names if names.count(name) > 1})
+        twice = sorted(name for name, count in Counter(names).items() if count > 1)
         if twice:
             raise ConfigError(f"{file.where(key)}: two {key} are named '{twice[0]}'; give each its own name")
     for name, _, _ in world.places:

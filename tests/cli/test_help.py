@@ -39,6 +39,11 @@ def test_advanced_thresholds_stand_in_the_help_of_their_own_part_only():
     assert "    localiser.advanced.places.explain.near_deg=40.0" in one
 
 
+def test_the_range_of_a_number_and_the_words_of_a_setting_are_said():
+    text = help_text(["planner=prm"])
+    assert "[int, 1 to 200000]" in text and "[native | ompl]" in text
+
+
 def test_a_nested_threshold_out_of_range_names_its_whole_key():
     cls = registry.load("localiser", "sift_db")
     made = settings.make(cls, {"advanced": {"places": {"tie": 0.2}}}, "localiser")

@@ -64,7 +64,7 @@ def test_without_walls_one_eye_knows_no_metres():
     assert answer.abstained and answer.reason == "no candidate passed the geometric check"
 
 
-@pytest.mark.parametrize("closer", [ErrorDistribution(), ErrorDistribution(trust="both"), PoseGraph()])
+@pytest.mark.parametrize("closer", [ErrorDistribution(), PoseGraph()])
 def test_a_lap_is_closed_by_points_on_walls(closer):
     """The lap ends a quarter of a metre off; the first view seen again, by pixels and points on walls, takes 70 % of it."""
     views = one_eyed(survey(TRUTH, drift=se2(0.01, 0.004, 0.01)), TRUTH)

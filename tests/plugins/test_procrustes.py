@@ -11,6 +11,7 @@ from painted_room import observe, paintings
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov, exp_se3, inverse, log_se3, se2, transform
 from rhs.api.records import Features, FeatureSettings, Observation, Tracking, Twist
+from rhs.api.settings import make
 from rhs.estimation.views.features import share
 from rhs_odometry.features.floor import on_floor
 from rhs_odometry.features.procrustes_config import Procrustes
@@ -176,5 +177,5 @@ def test_projection_on_the_floor_uses_what_the_other_axes_say():
 @pytest.mark.parametrize("wrong", [{"hypotheses": 0}, {"gate_sigma": float("nan")}, {"refine": "icp"},
                                    {"min_inliers": -1}, {"max_sigma_m": float("inf")}])
 def test_settings_out_of_range_are_refused(wrong):
-    with pytest.raises(ConfigError, match=f"odometry.procrustes.{next(iter(wrong))}"):
-        Procrustes(**wrong)
+    with pytest.raises(ConfigError, match=rf"^odometry\.{next(iter(wrong))}="):
+        make(Procrustes, wrong, "odometry")

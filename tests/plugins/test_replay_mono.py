@@ -47,9 +47,10 @@ def test_a_folder_of_colour_alone_runs_when_the_camera_sits_on_a_robot(colour_al
 
 
 def test_what_a_camera_log_threw_away_stands_in_columns_of_the_row(tmp_path):
-    """Five colour stamps, one of them backward and one without depth; one true pose of seven is unknown, one backward."""
+    """Six colour stamps, one of them backward, one without depth and, in both, one after a break of two minutes; of the
+    true poses one is unknown, one backward, one after the break."""
     folder = tmp_path / "log"
-    for name, stamps in (("rgb", [0.0, 0.1, 0.05, 0.2, 0.3]), ("depth", [0.0, 0.1, 0.2])):
+    for name, stamps in (("rgb", [0.0, 0.1, 0.05, 0.2, 0.3, 120.0]), ("depth", [0.0, 0.1, 0.2, 120.0])):
         (folder / name).mkdir(parents=True)
         lines = []
         for k, stamp in enumerate(stamps):
@@ -57,10 +58,10 @@ def test_what_a_camera_log_threw_away_stands_in_columns_of_the_row(tmp_path):
             cv2.imwrite(str(folder / name / f"{k}.png"), image)
             lines.append(f"{stamp} {name}/{k}.png\n")
         (folder / f"{name}.txt").write_text("".join(lines))
-    poses = [f"{s} {s} 0 0 0 0 0 1\n" for s in (0.0, 0.1, 0.05, 0.2, 0.3)]
+    poses = [f"{s} {s} 0 0 0 0 0 1\n" for s in (0.0, 0.1, 0.05, 0.2, 0.3, 120.0)]
     (folder / "groundtruth.txt").write_text("".join(poses) + "0.4 nan 0 0 0 0 0 1\n")
     row = rhs.run(["task=survey", "source=replay", f"source.path={folder}", "source.camera=[50,50,31.5,23.5]",
                    "pictures=off", f"output={tmp_path / 'run'}", "odometry=gicp", "loop_closer=none"], quiet=True)
     assert {name: row[name] for name in ("views", "stamps_rejected", "views_unpaired", "truth_rejected", "stamps_jumped",
                                          "stamps_repaired")} == {
-        "views": 3, "stamps_rejected": 1, "views_unpaired": 1, "truth_rejected": 2, "stamps_jumped": 0, "stamps_repaired": 0}
+        "views": 4, "stamps_rejected": 1, "views_unpaired": 1, "truth_rejected": 2, "stamps_jumped": 2, "stamps_repaired": 0}

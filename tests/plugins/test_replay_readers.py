@@ -323,6 +323,9 @@ def test_a_recording_two_folders_down_is_named_and_depth_is_not_taken_for_one(tm
     ("cam0/sensor.yaml", SENSOR.replace("radial-tangential", "mei"), "distortion_model is mei"),
     ("cam0/sensor.yaml", SENSOR.replace("intrinsics:", "nothing:"), "expected intrinsics [fu, fv, cu, cv]"),
     ("cam0/sensor.yaml", SENSOR.replace("T_BS", "T"), "no T_BS with 16 numbers"),
+    ("cam0/sensor.yaml", SENSOR.replace("[0.0, -1.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]",
+                                        "[0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0.5, 0, 0, 1]"),
+     "T_BS: the last row of the pose is 0.5 0 0 1; expected 0 0 0 1 (a matrix column by column?)"),
     ("imu0/data.csv", f"{T0},1,2\n", "imu0/data.csv:1: found 3 columns"),
     ("state_groundtruth_estimate0/data.csv", f"{T0},1,2,3,0,0,0,0\n", "data.csv:1:"),
 ])

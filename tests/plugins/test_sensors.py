@@ -11,6 +11,7 @@ from scipy.special import erf, erfc
 from rhs.api.errors import ConfigError, ContractError
 from rhs.api.geometry import Camera, camera_from_fov, exp_so3, se3
 from rhs.api.records import Capture
+from rhs.api.settings import make
 from rhs_sensors.degrade import Encoders
 from rhs_sensors.mono import Mono
 from rhs_sensors.noise import chosen, normal
@@ -201,8 +202,8 @@ def test_depth_of_another_size_is_refused_naming_both():
 @pytest.mark.parametrize("wrong", [{"max_range_m": 0.05}, {"image_sigma": float("nan")}, {"scan_rows": 2},
                                    {"beams": -1}, {"min_range_m": float("inf")}, {"wheel_slip_chance": 1.5}])
 def test_settings_out_of_range_are_refused(wrong):
-    with pytest.raises(ConfigError, match=f"sensor.rgbd.{next(iter(wrong))}"):
-        Rgbd(**wrong)
+    with pytest.raises(ConfigError, match=rf"^sensor\.{next(iter(wrong))}="):
+        make(Rgbd, wrong, "sensor")
 
 
 def test_noise_is_normal_out_to_four_deviations():

@@ -220,3 +220,10 @@ def test_a_robot_too_wide_for_a_building_is_refused():
     for name in ("square_small", "random:office/31"):
         with pytest.raises(ConfigError, match=r"the robot's radius is 1.5 m"):
             load_world(name, robot={"robot_radius_m": 1.5})
+
+
+def test_a_wall_far_too_long_is_refused_at_once_though_it_has_pilasters(tmp_path):
+    pilasters = "    pilasters: {spacing_m: 1.0, width_m: 0.4, depth_m: 0.2}\n"
+    text = ROOM.replace("[4, 4]", "[1e5, 4]").replace("boxes:", pilasters + "boxes:")
+    with pytest.raises(ConfigError, match="the walls span .* expected at most 40000 square metres"):
+        load_world(write(tmp_path, text))  # 200,000 boxes: names compared pair by pair took hours

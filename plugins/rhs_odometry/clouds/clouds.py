@@ -16,6 +16,7 @@ import numpy as np
 
 from rhs.api.geometry import Camera, inverse, log_se3, orthonormal
 from rhs.api.records import Motion, Tracking
+from rhs.estimation.views.rigid import KINECT
 
 from .settings import CloudAdvanced
 
@@ -58,7 +59,7 @@ class CloudMaker:
         normals = _normals(points, z)
         known = np.isfinite(z)
         rotation, centre = self._pose[:3, :3], self._pose[:3, 3]
-        return Cloud(points[known] @ rotation.T + centre, normals[known] @ rotation.T, depth_sigma(z[known]), depth)
+        return Cloud(points[known] @ rotation.T + centre, normals[known] @ rotation.T, KINECT.depth(z[known]), depth)
 
     def supports(self, cloud: Cloud, axes: np.ndarray, s: CloudAdvanced = USUAL) -> np.ndarray:
         """(K,) share of the points that hold each of the directions, the columns of `axes` (3, K), in the body frame."""
@@ -74,7 +75,7 @@ class CloudMaker:
         local = (cloud.points + slide - self._pose[:3, 3]) @ self._pose[:3, :3]
         pixels = self.camera.project(local)
         seen = bilinear(1.0 / cloud.depth, pixels)
-        sigma = depth_sigma(local[:, 2]) / local[:, 2] ** 2
+        sigma = KINECT.depth(local[:, 2]) / local[:, 2] ** 2
         with np.errstate(invalid="ignore"):
             return np.abs(seen - 1.0 / local[:, 2]) > sure_sigmas * np.sqrt(2.0) * sigma
 
@@ -91,11 +92,6 @@ class CloudMaker:
         count = np.isfinite(stack).sum(axis=0)
         middle = np.take_along_axis(stack, (np.maximum(count, 1)[None] - 1) // 2, axis=0)[0]
         return np.where(count >= 3, middle, np.nan)
-
-
-def depth_sigma(z_m: np.ndarray) -> np.ndarray:
-    """Standard deviation of a Kinect's depth, metres (Nguyen, Izadi and Lovell 2012)."""
-    return 0.0012 + 0.0019 * np.maximum(z_m - 0.4, 0.0) ** 2
 
 
 def bilinear(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -121,7 +117,7 @@ def _normals(points: np.ndarray, z: np.ndarray) -> np.ndarray:
     cross = np.cross(points[4:, 2:-2] - points[:-4, 2:-2], points[2:-2, 4:] - points[2:-2, :-4])
     length = np.linalg.norm(cross, axis=2)
     rho = 1.0 / z
-    allowed = 4.0 * np.sqrt(6.0) * 0.6 * depth_sigma(z[inner]) / z[inner] ** 2
+    allowed = 4.0 * np.sqrt(6.0) * 0.6 * KINECT.depth(z[inner]) / z[inner] ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
         flat = np.abs(rho[2:-2, 4:] + rho[2:-2, :-4] - 2 * rho[inner]) < allowed
         flat &= np.abs(rho[4:, 2:-2] + rho[:-4, 2:-2] - 2 * rho[inner]) < allowed

@@ -5,6 +5,8 @@ The library accepts empty clouds and slides along smooth walls without a word; c
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from kiss_icp.config import KISSConfig
 from kiss_icp.kiss_icp import KissICP
@@ -17,20 +19,26 @@ from .kiss_icp_config import KissIcp
 from .odometry import CloudOdometry
 
 
+def made_kiss(settings: Any, voxel_m: float, far_m: float) -> KissICP:
+    """The library's own, one thread, clouds as they are. settings: min_range_m, iterations, initial_threshold_m,
+    min_motion_m."""
+    config = KISSConfig()
+    config.data.deskew = False
+    config.data.min_range, config.data.max_range = settings.min_range_m, far_m
+    config.mapping.voxel_size = voxel_m
+    config.registration.max_num_threads = 1
+    config.registration.max_num_iterations = settings.iterations
+    config.adaptive_threshold.initial_threshold = settings.initial_threshold_m
+    config.adaptive_threshold.min_motion_th = settings.min_motion_m
+    return KissICP(config)
+
+
 class KissRegistration:
     """Hands clouds to KISS-ICP and reads its pose; the guess replaces its constant velocity."""
 
     def __init__(self, settings: KissIcp) -> None:
-        config = KISSConfig()
-        config.data.deskew = False
-        config.data.max_range = settings.max_range_m * 1.5  # along the ray, not the optical axis
-        config.data.min_range = settings.min_range_m
-        config.mapping.voxel_size = settings.voxel_m
-        config.registration.max_num_threads = 1
-        config.registration.max_num_iterations = settings.iterations
-        config.adaptive_threshold.initial_threshold = settings.initial_threshold_m
-        config.adaptive_threshold.min_motion_th = settings.min_motion_m
-        self._kiss, self._advanced = KissICP(config), settings.advanced
+        far_m = settings.max_range_m * 1.5  # along the ray, not the optical axis
+        self._kiss, self._advanced = made_kiss(settings, settings.voxel_m, far_m), settings.advanced
         self._before = np.eye(4)
 
     def align(self, cloud: Cloud, guess: np.ndarray) -> tuple[np.ndarray, str]:

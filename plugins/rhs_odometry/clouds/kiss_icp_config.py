@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.errors import check_ranges
+from rhs.api.errors import within
 
 from .settings import CloudSettings
 
@@ -15,22 +14,14 @@ from .settings import CloudSettings
 class KissIcp(CloudSettings):
     """KISS-ICP on depth clouds: point-to-point ICP against a voxel map with an adaptive threshold."""
 
-    name: ClassVar[str] = "kiss_icp"
-
-    voxel_m: float = 0.1
+    voxel_m: float = within(0.1, 0.005, 5.0)
     """Side of the voxels of the map, metres; scans are thinned to half and then one and a half of it."""
-    iterations: int = 40
+    iterations: int = within(40, 1, 100)
     """Most iterations of one alignment; the library's own 500 take seconds where the scene says little."""
-    initial_threshold_m: float = 0.5
+    initial_threshold_m: float = within(0.5, 0.01, 10.0)
     """First threshold of partners, metres."""
-    min_motion_m: float = 0.02
+    min_motion_m: float = within(0.02, 0.0, 10.0)
     """The least motion that adapts the threshold of partners, metres."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        owner = f"odometry.{self.name}"
-        check_ranges(owner, self, voxel_m=(0.005, 5.0), iterations=(1, 100), initial_threshold_m=(0.01, 10.0),
-                     min_motion_m=(0.0, 10.0))
 
     def build(self, context: Context) -> Odometry:
         from .kiss_icp import build

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.geometry import exp_se3, transform
+from rhs.estimation.views.rigid import KINECT
 
-from .clouds import Cloud, CloudMaker, bilinear, depth_sigma
+from .clouds import Cloud, CloudMaker, bilinear
 
 ITERATIONS = 5
 
@@ -66,5 +67,5 @@ def _distances(
         seen = 1.0 / bilinear(1.0 / previous.depth, maker.camera.project(np.where(z[:, None] > 0.05, local, np.nan)))
         gap = (local * (seen / z - 1.0)[:, None]) @ pose[:3, :3].T  # from the point to the surface, previous body axes
         turned = normals @ motion[:3, :3].T
-        distance: np.ndarray = (gap * turned).sum(axis=1) / depth_sigma(z)
+        distance: np.ndarray = (gap * turned).sum(axis=1) / KINECT.depth(z)
     return distance

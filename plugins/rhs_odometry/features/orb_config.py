@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 from rhs.api.contracts import Context, Odometry
-from rhs.api.errors import check_choice, check_ranges
+from rhs.api.errors import one_of, within
 
 from ..advanced import PatchSearch, SurfaceSettings
 from .procrustes_config import Procrustes, ProcrustesAdvanced
@@ -24,26 +23,18 @@ class OrbAdvanced(ProcrustesAdvanced):
 class Orb(Procrustes):
     """Frame-to-frame RGB-D odometry with fast features: ORB instead of SIFT, otherwise as `procrustes`."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"image", "depth"})
-    provides: ClassVar[frozenset[str]] = frozenset()
-
-    features: int = 500
+    features: int = within(500, 20, 20_000)
     """key-points per view; twice as many cost a third more time"""
-    ratio: float = 0.85
+    ratio: float = within(0.85, 0.1, 1.0)
     """ratio test; binary descriptors are coarse, so it is looser than SIFT's"""
     hypotheses: int = 100
     """RANSAC: half of procrustes's, for speed"""
-    placing: str = "patches"
+    placing: str = one_of("patches", "features")
     """patches: matched points are looked up again by their patches, to a tenth of a pixel; features: as ORB places
     them."""
     pixel_sigma_px: float = 0.7
     """how well a point is placed, pixels (1 sigma); 1.5 when ORB places it"""
     advanced: OrbAdvanced = field(default_factory=OrbAdvanced)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_choice("odometry.orb", "placing", self.placing, ("patches", "features"))
-        check_ranges("odometry.orb", self, features=(20, 20_000), ratio=(0.1, 1.0))
 
     def build(self, context: Context) -> Odometry:
         from .orb import OrbOdometry

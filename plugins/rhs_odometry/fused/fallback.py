@@ -12,6 +12,13 @@ from ..advanced import GuessNoise
 USUAL = GuessNoise()
 
 
+def told_motion(observation: Observation) -> tuple[str, np.ndarray | None]:
+    """Who tells of the motion of the body since the view before, `wheel` or `command`, and the motion (4x4); or nobody."""
+    if observation.wheel is not None and np.isfinite(observation.wheel).all():
+        return "wheel", se2(*observation.wheel)
+    return ("", None) if observation.command is None else ("command", se2(*observation.command.travel))
+
+
 def guess_motion(
     observation: Observation, last: np.ndarray, noise: GuessNoise = USUAL
 ) -> tuple[str, np.ndarray, np.ndarray]:
@@ -19,11 +26,8 @@ def guess_motion(
 
     last: the previous motion, taken again when there is neither wheel travel nor a command.
     """
-    if observation.wheel is not None and np.isfinite(observation.wheel).all():
-        name, pose = "wheel", se2(*observation.wheel)
-    elif observation.command is not None:
-        name, pose = "command", se2(*observation.command.travel)
-    else:
+    name, pose = told_motion(observation)
+    if pose is None:
         name, pose = "same again", last
     distance, turn = float(np.linalg.norm(pose[:3, 3])), abs(float(planar(pose)[2]))
     share, least_m, least_rad = noise.of(name)

@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Odometry
-from rhs.api.errors import check_ranges
+import numpy as np
+
+from rhs.api.contracts import Context, Odometry, PartSettings
+from rhs.api.errors import within
+from rhs.api.geometry import se2
+from rhs.api.records import Motion, Observation, Tracking
 
 from ..advanced import GuessNoise
+from .fallback import guess_motion
 
 
 @dataclass
@@ -19,49 +24,33 @@ class WheelAdvanced:
 
 
 @dataclass
-class Wheel:
+class Wheel(PartSettings):
     """Wheel encoders: planar motion with errors that grow with distance and turn."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
-    distance_share: float = 0.05
+    distance_share: float = within(0.05, 0.0, 1.0)
     """One-sigma error as a share of the distance since the last view."""
-    turn_share: float = 0.05
+    turn_share: float = within(0.05, 0.0, 1.0)
     """One-sigma error as a share of the turn since the last view."""
-    least_m: float = 0.001
+    least_m: float = within(0.001, 1e-6, 1.0)
     """Least error of a reading of distance, metres."""
-    least_rad: float = 0.001
+    least_rad: float = within(0.001, 1e-6, 1.0)
     """Least error of a reading of turn, radians."""
     advanced: WheelAdvanced = field(default_factory=WheelAdvanced)
-
-    def __post_init__(self) -> None:
-        check_ranges("odometry.wheel", self, distance_share=(0.0, 1.0), turn_share=(0.0, 1.0), least_m=(1e-6, 1.0),
-                     least_rad=(1e-6, 1.0))
 
     def build(self, context: Context) -> Odometry:
         return WheelOdometry(self)
 
 
-class WheelOdometry:
+class WheelOdometry(Odometry):
     """Hands on the encoders' travel; says `lost` when a view came without it."""
-
-    keeps_moving: tuple[float, float] | None = None
-    short_steps: tuple[float, float] | None = None
-    scale_from = ""
 
     def __init__(self, settings: Wheel) -> None:
         self._settings = settings
         self._begun = False
 
-    def update(self, observation):
-        import numpy as np
-
-        from rhs.api.geometry import se2
-        from rhs.api.records import Motion, Tracking
-
-        from .fallback import guess_motion
-
+    def update(self, observation: Observation) -> Motion:
         if not self._begun:
             self._begun = True
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, "first view")
@@ -74,7 +63,3 @@ class WheelOdometry:
         # a wheel says nothing of height, roll and pitch; the floor does
         sigmas = np.array([sigma_m, sigma_m, 1e-3, 1e-3, 1e-3, sigma_rad])
         return Motion(se2(*observation.wheel), np.diag(sigmas**2), Tracking.OK, observability=1.0 / sigmas)
-
-    def revise(self):
-        """Nothing to say afterwards."""
-        return None

@@ -37,12 +37,6 @@ class Pictures:
     def __len__(self) -> int:
         return len(self._packed.keys() | self._ready.keys())
 
-    @property
-    def held_mb(self) -> float:
-        """What all of them take, megabytes."""
-        ready = sum(level.nbytes for pyramid in self._ready.values() for level in pyramid)
-        return 1e-6 * (ready + sum(packed.nbytes for packed in self._packed.values()))
-
     def add(self, number: int, pyramid: list[np.ndarray]) -> None:
         self._ready[number] = pyramid
         while len(self._ready) > max(self._most(pyramid), 1):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from kiss_icp.config import KISSConfig
-from kiss_icp.kiss_icp import KissICP
 
+from ..clouds.kiss_icp import made_kiss
 from .config import KissIcpLidar
 from .odometry import LidarOdometry
 
@@ -21,16 +20,7 @@ class KissIcp(LidarOdometry):
     _kiss: Any
 
     def begin(self, points: np.ndarray) -> None:
-        s = self.settings
-        config = KISSConfig()
-        config.data.deskew = False
-        config.data.min_range, config.data.max_range = s.min_range_m, s.max_range_m
-        config.mapping.voxel_size = self.voxel_m
-        config.registration.max_num_threads = 1
-        config.registration.max_num_iterations = s.iterations
-        config.adaptive_threshold.initial_threshold = s.initial_threshold_m
-        config.adaptive_threshold.min_motion_th = s.min_motion_m
-        self._kiss = KissICP(config)
+        self._kiss = made_kiss(self.settings, self.voxel_m, self.settings.max_range_m)
         self._kiss.register_frame(points, WITHOUT_STAMPS)
 
     def align(self, points: np.ndarray, before: np.ndarray, guess: np.ndarray) -> np.ndarray:

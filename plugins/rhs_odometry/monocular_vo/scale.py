@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rhs.api.geometry import inverse, se2
+from rhs.api.geometry import inverse
 from rhs.api.records import Observation
+
+from ..fused.fallback import told_motion
 
 LEAST_WAY_M = 1e-3  # a shorter way between two key frames says nothing of the scale
 UNKNOWN = "unknown"
@@ -28,7 +30,7 @@ class Scale:
 
     def hear(self, observation: Observation) -> np.ndarray | None:
         """Count on; the body's motion (4x4) by wheels or command since the view before, None where nobody tells."""
-        motion, self._told = told(observation)
+        self._told, motion = told_motion(observation)
         self._since = None if motion is None or self._since is None else self._since @ motion
         return motion
 
@@ -45,12 +47,3 @@ class Scale:
                 self.metres = sum(m for m, _ in self._ways) / sum(u for _, u in self._ways)
                 self.source = self._told
         self._since = np.eye(4)
-
-
-def told(observation: Observation) -> tuple[np.ndarray | None, str]:
-    """(4x4 motion of the body, wheel or command) since the view before; (None, "") where neither is there."""
-    if observation.wheel is not None:
-        return se2(*(float(v) for v in observation.wheel)), "wheel"
-    if observation.command is None:
-        return None, ""
-    return se2(*observation.command.travel), "command"

@@ -5,68 +5,59 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Context, Odometry
-from rhs.api.errors import check_ranges
+from rhs.api.contracts import Context, Odometry, PartSettings
+from rhs.api.errors import Bounded, within
 from rhs.estimation.scans.settings import PointSettings
 
 
 @dataclass(frozen=True)
-class Prediction:
+class Prediction(Bounded):
     """Where the next scan is looked for, and how far the wheels are believed. All 1 sigma."""
 
-    least_m: float = 0.04
+    least_m: float = within(0.04, 1e-6, 10.0)
     """error of the wheels since the last scan they were held against, metres"""
-    least_rad: float = 0.02
+    least_rad: float = within(0.02, 1e-6, 3.0)
     """and of their heading, radians"""
-    share: float = 0.2
+    share: float = within(0.2, 0.0, 10.0)
     """the same as a share of way and turn"""
-    rad_per_m: float = 0.06
+    rad_per_m: float = within(0.06, 0.0, 10.0)
     """and of the heading per metre of way, radians"""
-    blind_m: float = 0.15
+    blind_m: float = within(0.15, 1e-3, 10.0)
     """where the wheels say nothing (their reading hangs, leaps, or there is none), metres"""
-    blind_rad: float = 0.15
+    blind_rad: float = within(0.15, 1e-3, 3.0)
     """and radians"""
-    speed_change_mps: float = 2.0
+    speed_change_mps: float = within(2.0, 0.01, 1000.0)
     """wheels that say that the speed changed by more than this between two scans have leapt"""
-    turn_radps: float = 5.0
+    turn_radps: float = within(5.0, 0.01, 1000.0)
     """so have wheels that turn faster than this since the last scan they were held against"""
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, least_m=(1e-6, 10.0), least_rad=(1e-6, 3.0), share=(0.0, 10.0), rad_per_m=(0.0, 10.0),
-                     blind_m=(1e-3, 10.0), blind_rad=(1e-3, 3.0), speed_change_mps=(0.01, 1000.0), turn_radps=(0.01, 1000.0))
 
 
 @dataclass(frozen=True)
-class Rescue:
+class Rescue(Bounded):
     """What is done where a scan does not fit where it was looked for."""
 
-    least_share: float = 0.55
+    least_share: float = within(0.55, 0.0, 1.0)
     """of the points that need a partner in the map, or the fit is poor"""
-    typical_share: float = 0.85
+    typical_share: float = within(0.85, 0.0, 1.0)
     """and of what is usual of late"""
-    better: float = 0.1
+    better: float = within(0.1, 0.0, 1.0)
     """another place must explain this share more"""
-    sure_share: float = 0.7
+    sure_share: float = within(0.7, 0.0, 1.0)
     """and at least this share of the points"""
-    window_m: float = 0.8
+    window_m: float = within(0.8, 0.0, 100.0)
     """searched to either side, metres"""
-    window_rad: float = 1.0
+    window_rad: float = within(1.0, 0.0, 3.2)
     """and turned either way, radians"""
-    cell_m: float = 0.05
+    cell_m: float = within(0.05, 0.005, 1.0)
     """cells of the search, metres"""
-    step_rad: float = 0.03
+    step_rad: float = within(0.03, 1e-3, 1.0)
     """its steps in heading, radians"""
-    doubt_m: float = 0.5
+    doubt_m: float = within(0.5, 0.0, 100.0)
     """a rescue further than this from where the scan was looked for waits for the next scan to confirm it, metres"""
-    doubt_rad: float = 0.6
+    doubt_rad: float = within(0.6, 0.0, 4.0)
     """the same, radians"""
-    patience: int = 8
+    patience: int = within(8, 1, 10_000)
     """after so many poor scans on end the map goes on from where the robot is believed"""
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, least_share=(0.0, 1.0), typical_share=(0.0, 1.0), better=(0.0, 1.0), sure_share=(0.0, 1.0),
-                     window_m=(0.0, 100.0), window_rad=(0.0, 3.2), cell_m=(0.005, 1.0), step_rad=(1e-3, 1.0),
-                     doubt_m=(0.0, 100.0), doubt_rad=(0.0, 4.0), patience=(1, 10_000))
 
 
 @dataclass
@@ -79,25 +70,20 @@ class ScanToMapAdvanced:
 
 
 @dataclass
-class ScanToMap:
+class ScanToMap(PartSettings):
     """Laser scans laid onto a map of the last key scans, point to line; wheels say where to look, if there are any."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
-    provides: ClassVar[frozenset[str]] = frozenset()
 
-    key_m: float = 0.3
+    key_m: float = within(0.3, 0.01, 10.0)
     """A scan becomes part of the map after so much way, metres."""
-    key_rad: float = 0.35
+    key_rad: float = within(0.35, 0.01, 3.2)
     """Or after so much turning, radians."""
-    map_m: float = 8.0
+    map_m: float = within(8.0, 0.5, 1000.0)
     """The map is made of the scans of so much way, metres."""
-    map_scans: int = 30
+    map_scans: int = within(30, 1, 1000)
     """And of at most so many."""
     advanced: ScanToMapAdvanced = field(default_factory=ScanToMapAdvanced)
-
-    def __post_init__(self) -> None:
-        check_ranges("odometry.scan_to_map", self, key_m=(0.01, 10.0), key_rad=(0.01, 3.2), map_m=(0.5, 1000.0),
-                     map_scans=(1, 1000))
 
     def build(self, context: Context) -> Odometry:
         from .odometry import ScanToMapOdometry

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from rhs.api.contracts import Odometry
 from rhs.api.geometry import Camera, inverse, orthonormal
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 
@@ -42,7 +43,7 @@ class FrontEnd(Protocol):
     def track(self, observation: Observation) -> TrackFrame: ...
 
 
-class MonocularOdometry:
+class MonocularOdometry(Odometry):
     """An odometry made of a front end and a filter.
 
     start (4x4): the map pose that others believe in at the first view. A filter that begins elsewhere (started wrongly on
@@ -54,8 +55,6 @@ class MonocularOdometry:
         self._pose, self._begun = start, False
         self.keep: list[TrackFrame] | None = None  # a list here collects the frames of the survey
         self.scale_from = "nothing"  # for the row: what its metres come from
-        self.short_steps: tuple[float, float] | None = None
-        self.keeps_moving: tuple[float, float] | None = None  # metres, degrees between views of a patrol on arcs
         self.at_end: Callable[[list[TrackFrame]], None] | None = None
 
     def update(self, observation: Observation) -> Motion:

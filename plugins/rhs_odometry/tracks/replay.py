@@ -16,6 +16,7 @@ from rhs.api.geometry import Camera, planar, se2, wrap
 from rhs.api.records import Revision, Tracking, Wall
 from rhs.api.trajectory import read_tum
 from rhs.estimation.filters.kalman import nees
+from rhs.plots import draw_errors, new_figure, save
 
 from ..corridor.ekf import corridor_core
 from ..corridor.ekf_config import CorridorEkf
@@ -125,34 +126,17 @@ def open_tracks(path: Path) -> Tracks:
 
 def draw(run: FilterRun, title: str, path: Path) -> None:
     """Write a PNG: position and angle against the step with the three-sigma band, and the top view with walls."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplot_mosaic([["x", "top"], ["y", "top"], ["yaw", "top"]], figsize=(13, 7),
-                                      width_ratios=[1.0, 1.1], layout="constrained")
+    figure = new_figure(13.0, 7.0)
+    axes = figure.subplot_mosaic([["x", "top"], ["y", "top"], ["yaw", "top"]], width_ratios=[1.0, 1.1])
     scales = (("x", 0, 1.0, "error in x [m]"), ("y", 1, 1.0, "error in y [m]"), ("yaw", 2, 180 / np.pi, "error in yaw [°]"))
     for name, k, scale, label in scales:
-        _band(axes[name], scale * run.errors[:, k], scale * run.sigmas[:, k], run.trusted)
+        draw_errors(axes[name], scale * run.errors[:, k], scale * run.sigmas[:, k], run.trusted)
         axes[name].set_ylabel(label)
     axes["yaw"].set_xlabel("view")
     axes["x"].legend(loc="upper left", fontsize=8)
     _top(axes["top"], run)
     figure.suptitle(title)
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
-
-
-def _band(axes, error: np.ndarray, sigma: np.ndarray, trusted: np.ndarray) -> None:
-    steps = np.arange(len(error))
-    axes.fill_between(steps, -3 * sigma, 3 * sigma, color="#cfe3f2", label="three sigma", linewidth=0)
-    axes.plot(steps, error, color="#c0392b", linewidth=1.2, label="error")
-    axes.fill_between(steps, 0, 1, where=~trusted, transform=axes.get_xaxis_transform(), color="#f5b041", alpha=0.35,
-                      linewidth=0, label="the filter doubts its walls")
-    limit = 1.2 * max(np.abs(error).max(), min(3 * np.median(sigma), 2 * np.abs(error).max()), 1e-3)
-    axes.set_ylim(-limit, limit)
-    axes.axhline(0.0, color="#888888", linewidth=0.6)
+    save(figure, path)
 
 
 def _top(axes, run: FilterRun) -> None:

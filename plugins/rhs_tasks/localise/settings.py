@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, ClassVar
 
-from rhs.api.errors import ConfigError, check_ranges
+from rhs.api.contracts import PartSettings
+from rhs.api.errors import ConfigError, within
 from rhs.api.task import Job, TaskContext
 
 
 @dataclass
-class Localise:
+class Localise(PartSettings):
     """A localiser alone in a map made before, on a recording or a robot led along its route: how soon it finds itself, and
     whether it knows."""
 
@@ -20,27 +21,24 @@ class Localise:
     floor plan (a world of worlds/, or its file); with a recording world= says the same"""
     start: Any = "unknown"
     """where it begins: unknown (anywhere in the map), or [x_m, y_m, yaw_deg] in the frame of the map"""
-    start_sigma_m: float = 0.1
+    start_sigma_m: float = within(0.1, 1e-3, 100.0)
     """how well a start that was typed is known, metres (1 sigma)"""
-    start_sigma_deg: float = 3.0
+    start_sigma_deg: float = within(3.0, 0.01, 180.0)
     """and its heading, degrees (1 sigma)"""
-    restart_every_m: float = 0.0
+    restart_every_m: float = within(0.0, 0.0, 1e6)
     """after so much way (as the odometry has it) everything is forgotten and the localiser starts from nothing, metres: many
     trials of one recording; 0: never"""
-    kidnap_every_m: float = 0.0
+    kidnap_every_m: float = within(0.0, 0.0, 1e6)
     """after so much true way the robot is carried off: the views of a stretch are left out, and nobody is told, metres; 0:
     never"""
-    kidnap_skip_m: float = 5.0
+    kidnap_skip_m: float = within(5.0, 0.1, 1e6)
     """length of the stretch that is left out then, metres"""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "localiser")
 
     def __post_init__(self) -> None:
         self.start = checked_start(self.start)
-        check_ranges("", self, start_sigma_m=(1e-3, 100.0), start_sigma_deg=(0.01, 180.0), restart_every_m=(0.0, 1e6),
-                     kidnap_every_m=(0.0, 1e6), kidnap_skip_m=(0.1, 1e6))
+        super().__post_init__()
         if self.restart_every_m and self.start != "unknown":
             raise ConfigError(f"restart_every_m={self.restart_every_m:g} starts from nothing again and again; leave out "
                               "start=")

@@ -6,32 +6,28 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_range
+from rhs.api.contracts import PartSettings
+from rhs.api.errors import Bounded, ConfigError, within
 from rhs.api.task import Job, TaskContext
 
 
 @dataclass
-class Problem:
+class Problem(Bounded):
     """What is planned for."""
 
-    robot_radius_m: float | None = None
+    robot_radius_m: float | None = within(None, 0.0, 100.0)
     """the map is grown by this radius, metres; null: what the map or world says"""
-    scenario: int = 0
+    scenario: int = within(0, 0, 10_000_000)
     """which problem of a MovingAI .scen file, from 0"""
     shorten: bool = True
     """pull every planner's path tight before it is measured; the length it was found with stands beside"""
-    start_radius_m: float = 0.3
+    start_radius_m: float = within(0.3, 0.0, 10.0)
     """a start in a blocked cell may be left over blocked cells this near, metres"""
 
-    def __post_init__(self) -> None:
-        check_range("planning", "start_radius_m", self.start_radius_m, low=0.0, high=10.0, unit="m")
-        if self.robot_radius_m is not None:
-            check_range("planning", "robot_radius_m", self.robot_radius_m, low=0.0, high=100.0, unit="m")
-        check_range("planning", "scenario", self.scenario, low=0, high=10_000_000)
 
 
 @dataclass
-class Planning:
+class Planning(PartSettings):
     """A planner alone on a map: its path is judged and stands beside the true shortest one."""
 
     start: list[float] = field(default_factory=list)
@@ -40,8 +36,6 @@ class Planning:
     """where to go, [x_m, y_m]; empty: the world's"""
     planning: Problem = field(default_factory=Problem)
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("planner",)
     preload: ClassVar[tuple[str, ...]] = ("rhs_tasks.planning.task",)
 

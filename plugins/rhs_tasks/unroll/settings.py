@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
+from rhs.api.contracts import PartSettings
+from rhs.api.errors import Bounded, ConfigError, check_range, one_of, within
 from rhs.api.task import Job, TaskContext
 
 
 @dataclass
-class Unrolling:
+class Unrolling(Bounded):
     """How the wall of a tube or corridor becomes one flat picture."""
 
     path: str = ""
@@ -19,16 +20,16 @@ class Unrolling:
     """of the camera that took them: [fx,fy,cx,cy] in pixels"""
     distortion: list[float] = field(default_factory=list)
     """and of its lens: k1, k2, p1, p2, k3 as OpenCV has them; empty: none"""
-    shape: str = "round"
+    shape: str = one_of("round", "rectangular")
     """the section: round or rectangular"""
-    size_m: float = 0.25
+    size_m: float = within(0.25, 1e-3, 100.0)
     """its radius, or half its width, metres"""
-    aspect: float = 1.0
+    aspect: float = within(1.0, 0.1, 10.0)
     """height over width of a rectangular section"""
     pieces: list[float] = field(default_factory=list)
     """how it bends from the first view on: metres of a piece and its bend in degrees (left positive), one after the
     other"""
-    bend: str = "given"
+    bend: str = one_of("given", "found")
     """the bend: given (by `pieces`; straight if they are empty), or found from the views, which are looked at twice for
     it"""
     start_left_m: float = 0.0
@@ -37,30 +38,25 @@ class Unrolling:
     start_up_m: float = 0.0
     """where the camera is at the first view, left of and above the middle of the section, metres; it looks along the
     tube"""
-    near_sizes: float = 1.2
+    near_sizes: float = within(1.2, 0.2, 20.0)
     """a strip begins so many sizes ahead of the camera ..."""
     far_sizes: float = 3.5
     """... and ends so many ahead; further away a pixel covers too much wall"""
-    pixel_share: float = 0.02
+    pixel_share: float = within(0.02, 0.004, 0.2)
     """side of a pixel of the mosaic, share of size_m"""
-    pose: str = "fitted"
+    pose: str = one_of("fitted", "centred")
     """where each strip is seen from: fitted (to the mosaic so far), or centred on the axis as in the thesis"""
-    stitch: str = "homography"
+    stitch: str = one_of("homography", "none")
     """a strip is put on the mosaic by: homography (thesis), or where its pose says (none)"""
 
     def __post_init__(self) -> None:
-        check_choice("unroll", "shape", self.shape, ("round", "rectangular"))
-        check_choice("unroll", "bend", self.bend, ("given", "found"))
         if self.bend == "found" and self.pieces:
             raise ConfigError("unroll.bend=found leaves nothing to give; type unroll.pieces=[] or unroll.bend=given")
-        check_choice("unroll", "pose", self.pose, ("fitted", "centred"))
-        check_choice("unroll", "stitch", self.stitch, ("homography", "none"))
-        check_ranges("unroll", self, size_m=(1e-3, 100.0), aspect=(0.1, 10.0))
+        super().__post_init__()
+        check_range("unroll", "far_sizes", self.far_sizes, low=self.near_sizes + 0.3, high=40.0)
         for name in ("start_left_m", "start_up_m"):
             check_range("unroll", name, getattr(self, name), low=-0.8 * self.size_m * max(self.aspect, 1.0),
                         high=0.8 * self.size_m * max(self.aspect, 1.0), unit="m")
-        check_ranges("unroll", self, near_sizes=(0.2, 20.0), far_sizes=(self.near_sizes + 0.3, 40.0),
-                     pixel_share=(0.004, 0.2))
         if len(self.pieces) % 2:
             raise ConfigError(f"unroll.pieces={list(self.pieces)} has {len(self.pieces)} numbers; expected pairs of metres "
                               "and degrees, for example [1,0,2,30]")
@@ -81,13 +77,11 @@ class Unrolling:
 
 
 @dataclass
-class Unroll:
+class Unroll(PartSettings):
     """The wall of a tube or corridor as one flat picture (thesis section 4.3)."""
 
     unroll: Unrolling = field(default_factory=Unrolling)
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor")
 
     def build(self, context: TaskContext) -> Job:

@@ -7,23 +7,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Context, Degradation
 from rhs.api.records import Capture
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """A lamp that flickers: each picture is darker by a share of its own."""
 
-    sigma: float = 0.2
+    sigma: float = within(0.2, 0.0, 1.0)
     """the share by which a picture is darker: half of a normal distribution, 1 sigma; 0: nothing is spoilt"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"image"})
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("degrade", "sigma", self.sigma, low=0.0, high=1.0)
 
     def build(self, context: Context) -> Part:
         return Part(self, context.rng)

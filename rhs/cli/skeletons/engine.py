@@ -7,22 +7,19 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import ClassVar
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.engine import Engine, EngineContext
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """Processes of this machine. Give the executor of your cluster in their place: whatever has `submit` will do."""
 
-    chunk_s: float = 30.0
+    chunk_s: float = within(30.0, 1.0, 86_400.0)
     """seconds of work sent at a time"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("engine", "chunk_s", self.chunk_s, low=1.0, high=86_400.0, unit="s")
 
     def build(self, context: EngineContext) -> Part:
         return Part(context.jobs, self.chunk_s)

@@ -7,24 +7,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.belief import moved
 from rhs.api.contracts import Context
 from rhs.api.records import Belief, BeliefStatus, Motion, Observation
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """The odometry is believed."""
 
-    lost_m: float = 10.0
+    lost_m: float = within(10.0, 0.1, 1e4)
     """standard deviation of a position that is not known"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("localiser", "lost_m", self.lost_m, low=0.1, high=1e4)
 
     def build(self, context: Context) -> Part:
         return Part(self, context.rng)

@@ -8,25 +8,22 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar, se2
 from rhs.api.records import Closure, View
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """A survey that ends near where it began is taken to end there: the gap is spread over the way. A real one looks at the
     views (their features and scans) before it believes that."""
 
-    near_m: float = 0.5
+    near_m: float = within(0.5, 0.0, 100.0)
     """an end this close to the beginning, as believed, is a loop, metres"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("loop_closer", "near_m", self.near_m, low=0.0, high=100.0, unit="m")
 
     def build(self, context: Context) -> Part:
         return Part(self)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar
 from rhs.api.grid import OccupancyGrid
@@ -15,23 +15,18 @@ from rhs.api.records import Scan
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """Log-odds of each cell: scans that end in it add, those that pass take away (Thrun et al. 2005, section 9.2)."""
 
-    resolution_m: float = 0.1
+    resolution_m: float = within(0.1, 0.01, 1.0)
     """side of a cell, metres"""
-    hit: float = 0.85
+    hit: float = within(0.85, 0.0, 10.0)
     """what a scan adds to the log-odds of the cells in which its beams end"""
-    miss: float = 0.4
+    miss: float = within(0.4, 0.0, 10.0)
     """what a scan takes away from the cells that its beams pass"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("mapper", "resolution_m", self.resolution_m, low=0.01, high=1.0, unit="m")
-        check_range("mapper", "hit", self.hit, low=0.0, high=10.0)
-        check_range("mapper", "miss", self.miss, low=0.0, high=10.0)
 
     def build(self, context: Context) -> Part:
         return Part(self, context)

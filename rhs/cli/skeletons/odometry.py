@@ -7,24 +7,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Context
 from rhs.api.geometry import se2
 from rhs.api.records import Motion, Observation, Revision, Tracking
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """The wheels are believed."""
 
-    share: float = 0.1
+    share: float = within(0.1, 0.0, 1.0)
     """standard deviation of a step, as a share of it"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"wheel"})
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("odometry", "share", self.share, low=0.0, high=1.0)
 
     def build(self, context: Context) -> Part:
         return Part(self, context.rng)

@@ -8,23 +8,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Context
 from rhs.api.records import Path, PlanningProblem, PlanReason
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """Breadth-first search over the cells."""
 
-    most_cells: int = 1_000_000
+    most_cells: int = within(1_000_000, 1, 1_000_000_000)
     """cells that are looked at before it gives up"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("planner", "most_cells", self.most_cells, low=1, high=1_000_000_000)
 
     def build(self, context: Context) -> Part:
         return Part(self, context.rng)

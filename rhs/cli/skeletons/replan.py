@@ -5,22 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Blockage, Blocked, Context
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """Wait, then go round; where there is no way round, go on with another place first."""
 
-    views: int = 20
+    views: int = within(20, 0, 1000)
     """views to wait, half a second each"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("replan", "views", self.views, low=0, high=1000)
 
     def build(self, context: Context) -> Skeleton:
         return self

@@ -7,24 +7,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Context
 from rhs.api.errors import ContractError
 from rhs.api.records import Capture, Observation
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """A laser scanner whose ranges are wrong by a share of themselves, and wheels that count right."""
 
-    range_share: float = 0.01
+    range_share: float = within(0.01, 0.0, 1.0)
     """noise of a range, share of it (1 sigma)"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"scan"})
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "wheel", "command"})
-
-    def __post_init__(self) -> None:
-        check_range("sensor", "range_share", self.range_share, low=0.0, high=1.0)
 
     def build(self, context: Context) -> Part:
         return Part(self, context)

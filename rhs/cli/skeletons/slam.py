@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar, se2
 from rhs.api.grid import OccupancyGrid
@@ -15,17 +15,14 @@ from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Tracking
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """The wheels are believed, and the ends of the beams are drawn: a map where `sensor.noise=false`."""
 
-    share: float = 0.05
+    share: float = within(0.05, 0.0, 1.0)
     """standard deviation of a step, as a share of it"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"wheel", "scan"})
     provides: ClassVar[frozenset[str]] = frozenset()
-
-    def __post_init__(self) -> None:
-        check_range("slam", "share", self.share, low=0.0, high=1.0)
 
     def build(self, context: Context) -> Part:
         return Part(self, context)

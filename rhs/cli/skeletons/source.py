@@ -7,27 +7,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.contracts import Source, SourceContext
 from rhs.api.geometry import camera_from_fov, se2
 from rhs.api.records import Capture, Scan, WorldFacts
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """A laser scanner led straight through a round room: try it by `task=survey sensor=laser`. Read your recording here."""
 
-    views: int = 40
+    views: int = within(40, 1, 1_000_000)
     """how many there are"""
-    room_radius_m: float = 4.0
+    room_radius_m: float = within(4.0, 1.0, 20.0)
     """of the room, metres"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"scan", "wheel"})
-
-    def __post_init__(self) -> None:
-        check_range("source", "views", self.views, low=1, high=1_000_000)
-        check_range("source", "room_radius_m", self.room_radius_m, low=1.0, high=20.0, unit="m")
 
     def build(self, context: SourceContext) -> Part:
         return Part(self)

@@ -8,23 +8,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from rhs.api import check_range
+from rhs.api import Bounded, within
 from rhs.api.task import Job, TaskContext, Value
 
 
 @dataclass
-class Skeleton:
+class Skeleton(Bounded):
     """Lead the camera along its route and sum up what the odometry says: the columns way_m and turned_rad."""
 
-    most_views: int = 1000
+    most_views: int = within(1000, 1, 1_000_000)
     """views after which it stops"""
 
     needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry")
-
-    def __post_init__(self) -> None:
-        check_range("", "most_views", self.most_views, low=1, high=1_000_000)
 
     def build(self, context: TaskContext) -> Job:
         return Work(self, context)

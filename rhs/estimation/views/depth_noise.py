@@ -16,14 +16,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .rigid import KINECT, PointNoise
+from .rigid import KINECT, MEDIAN_TO_SIGMA, PointNoise
 from .settings import DepthNoiseSettings
 
 USUAL = DepthNoiseSettings()
 LAG_PX = 6
 BLOCK_PX = 8  # of the mean depth that says how noisy a reading ought to be
 LEAST_READINGS = 200
-MEDIAN_TO_SIGMA = 1.4826  # of a normal distribution
 
 
 def noise_level(depth: np.ndarray, law: PointNoise = KINECT, *, lag_px: int = LAG_PX) -> float:
