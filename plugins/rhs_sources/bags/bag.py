@@ -15,7 +15,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
 
-from ..carmen.log import NO_CAMERA, end_of_range
+from ..carmen.log import NO_CAMERA, check_unit, end_of_range
 from ..folders.clouds import check_solid
 from ..replay_cameras import chosen_camera
 from ..replay_images import UnreadableImage, check_depth, check_pair
@@ -152,10 +152,13 @@ class Placed:
 def _most_m(reader, topic: str) -> float:
     """The largest reading of a laser, if that stands for nothing and is nearly its range_max: metres, else inf."""
     scans = [message for _, _, message in islice(ros.stamped(reader, {topic}), LOOKED_AT)]
-    for scan in scans[:1]:
-        ros.say_angles(scan, topic)
     ranges = [ros.ranges_of(one) for one in scans]
-    end_m = end_of_range([one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)])
+    if scans:
+        ros.say_angles(scans[0], topic)
+        ros.say_readings(ranges, float(scans[0].range_min), topic)
+    within = [one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)]
+    check_unit(within, topic)
+    end_m = end_of_range(within)
     return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
 
 
@@ -229,7 +232,8 @@ def _transforms(reader, sensor: str) -> Iterator:
         for _, _, message in ros.messages(reader, [c for c in reader.connections if c.topic == topic]):
             for t in message.transforms:
                 child, parent = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
-                yield child, parent, ros.pose_of(t, topic), static
+                if (pose := ros.pose_of(t, topic)) is not None:
+                    yield child, parent, pose, static
 
 
 def _frame(reader, topic: str, *, moved: bool = False) -> str:
@@ -267,7 +271,10 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             counts["jump"] += 1
         last[topic] = stamp
         if topic == topics.wheel:
-            yield from ((None, reading) for reading in wheel_readings(message, stamp, topics, topic))
+            readings = [(None, reading) for reading in wheel_readings(message, stamp, topics, topic)]
+            if not readings:
+                counts["no_pose"] += 1
+            yield from readings
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
         elif topic == topics.scan == topics.sees:

@@ -161,7 +161,7 @@ def _read(path: Path, settings) -> Log:
                 if line.endswith(b"\n") or not readings:
                     raise
                 cut.append(f"the log is cut: its last line, {number}, is not whole")
-    _check_unit([one.ranges_m for one in readings], path)
+    check_unit([one.ranges_m for one in readings], str(path))
     most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
@@ -192,12 +192,12 @@ def _fov_deg(words: list[str], step_deg: float, settings, path: Path) -> float:
     return taken_deg
 
 
-def _check_unit(readings_m: list[np.ndarray], path: Path) -> None:
+def check_unit(readings_m: list[np.ndarray], where: str) -> None:
     """Refuse readings in millimetres or centimetres, of which a robot would see none: nothing would stand in its way."""
     ranges = np.concatenate(readings_m or [np.empty(0)])
     typical = float(np.median(ranges[ranges > 0.0])) if (ranges > 0.0).any() else 0.0
     if typical > TYPICAL_M:
-        raise ConfigError(f"{path}: a typical reading is {typical:.4g}; expected metres, of which lasers see 82 (SICK) "
+        raise ConfigError(f"{where}: a typical reading is {typical:.4g}; expected metres, of which lasers see 82 (SICK) "
                           "or 300; divide those in millimetres by 1000, in centimetres by 100")
 
 

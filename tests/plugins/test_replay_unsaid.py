@@ -1,0 +1,96 @@
+"""Recordings that were read in silence, or not at all: what is wrong with them is said, and the rest is read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bags import KINDS, BagFile, picture
+
+from rhs.api.errors import ConfigError
+from rhs_sources.bags.messages import camera_of
+from rhs_sources.folders.clouds import check_solid
+from rhs_sources.replay import open_recording
+from rhs_sources.replay_config import Replay
+
+NONE = (np.nan, 0.0, 0.0)
+
+
+def scan(made: BagFile, k: int, ranges, least_m: float = 0.1, most_m: float = 10.0) -> None:
+    values = np.asarray(ranges, np.float32)
+    made.put("/scan", 1.0 + k, made.make(
+        "sensor_msgs/msg/LaserScan", header=made.header(1.0 + k, "laser"), angle_min=-1.0, angle_max=1.0,
+        angle_increment=2.0 / (len(values) - 1), time_increment=0.0, scan_time=0.1, range_min=least_m, range_max=most_m,
+        ranges=values, intensities=np.zeros(0, np.float32)))
+
+
+@pytest.mark.parametrize(("ranges", "least_m", "said"), [
+    ([2.0, 3.0, 4.0], 5.0, "2.00 to 4.00 m) are nearer than its range_min, 5 m"),
+    ([np.inf, 0.0, np.nan], 0.1, "no beam met anything"), ([2.0, 3.0, 6.0], 5.0, ""), ([np.inf, 0.0, 3.0], 0.1, "")])
+def test_scans_that_hold_nothing_are_said_to(tmp_path, caplog, ranges, least_m, said):
+    with BagFile(tmp_path, "ros2_mcap") as made:
+        for k in range(3):
+            scan(made, k, ranges, least_m)
+    assert len(list(open_recording(Replay(path=str(made.path))).views)) == 3
+    assert said in caplog.text and bool(caplog.text) == bool(said)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_reading_of_the_wheels_without_a_pose_is_left_out_and_counted(tmp_path, kind):
+    """NaN in the middle ended a run; the robot goes 0.1 m a view all the same."""
+    with BagFile(tmp_path, kind) as made:
+        for k in range(6):
+            made.odometry("/odom", 1.0 + k, *(NONE if k == 3 else (0.1 * k, 0.0, 0.0)))
+            made.camera_info("/camera/camera_info", 1.0 + k)
+            made.image("/camera/image", 1.0 + k, picture(k), "rgb8")
+    recording = open_recording(Replay(path=str(made.path), depth_topic="none"))
+    travels = [capture.travel for capture, _ in recording.views]
+    assert recording.rejected["no_pose"] == 1
+    assert np.array(travels[1:]) == pytest.approx(np.tile([0.1, 0.0, 0.0], (5, 1)))
+
+
+def test_links_of_tf_and_true_poses_that_are_none_are_left_out(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as made:
+        for k in range(5):
+            made.transform("/tf", 1.0 + k, "odom_combined", "base_footprint", np.nan if k == 2 else 0.1 * k)
+            x, y, yaw = NONE if k == 2 else (0.1 * k, 0.0, 0.0)
+            made.put("/gt", 1.0 + k, made.make("geometry_msgs/msg/PoseStamped", header=made.header(1.0 + k, "map"),
+                                               pose=made.pose(x, y, yaw)))
+            scan(made, k, [2.0, 3.0, 4.0])
+    views = list(open_recording(Replay(path=str(made.path), truth_topic="/gt", max_truth_gap_s=0.5)).views)
+    assert [None if truth is None else round(float(truth[0, 3]), 6) for _, truth in views] == [0.0, 0.1, None, 0.3, 0.4]
+    assert [view.travel[0] for view, _ in views[1:]] == pytest.approx([0.1] * 4)  # of robot_pose_ekf's odom_combined
+
+
+def test_a_heading_written_into_a_quaternion_is_refused(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as made:
+        for k in range(3):
+            pose = made.pose(0.0, 0.0, 0.0)
+            pose = made.make("geometry_msgs/msg/Pose", position=pose.position, orientation=made.make(
+                "geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.5 * k, w=1.0))
+            made.put("/gt", 1.0 + k, made.make("geometry_msgs/msg/PoseStamped", header=made.header(1.0 + k), pose=pose))
+            scan(made, k, [2.0, 3.0, 4.0])
+    with pytest.raises(ConfigError, match=r"/gt: quaternion .* is 1\.12 long"):
+        open_recording(Replay(path=str(made.path), truth_topic="/gt"))
+
+
+def test_clouds_in_millimetres_and_flat_ones_with_beams_that_met_nothing_are_refused():
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-5.0, 5.0, (500, 3))
+    check_solid(points, "/points")
+    with pytest.raises(ConfigError, match="expected metres"):
+        check_solid(1000.0 * points, "/points")
+    flat = points * [1.0, 1.0, 0.0]
+    flat[::3] = np.nan
+    with pytest.raises(ConfigError, match="one plane"):
+        check_solid(flat, "/points")
+
+
+def test_intrinsics_that_are_shares_of_the_image_are_none(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as made:
+        made.image("/camera/image", 1.0, picture(), "rgb8")
+        message = made.make("sensor_msgs/msg/CameraInfo", header=made.header(1.0), height=48, width=64,
+                            distortion_model="plumb_bob", d=np.zeros(5), k=np.array([0.8, 0, 0.5, 0, 1.1, 0.5, 0, 0, 1]),
+                            r=np.eye(3).ravel(), p=np.zeros(12), binning_x=0, binning_y=0, roi=made.make(
+                                "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
+                                do_rectify=False))
+    assert camera_of(message) is None
