@@ -22,6 +22,7 @@ from .accuracy import Pairing, pair, relative_errors, rmse, rotation_angles
 LEAST_STEPS, MOST_STEPS = 20, 500
 TURN_RAD = 0.1  # least median turn between two moments
 CONTRADICTS, HALF = 0.5, 0.5  # share of the motions that is left; of that, and of the relative error, with another reading
+LEAST_M, SAME_UNIT = 0.01, 0.1  # extent of a way that tells its unit, and by which share it may be off
 AXES_DEG = 20.0  # bodies that are turned by less are taken for one
 
 
@@ -36,6 +37,8 @@ class _Fit:
 def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> str:
     """What is wrong with the poses of two trajectories as they were read, and what to type; empty where nothing is seen."""
     both = pair(estimate, truth, tolerance_s)
+    if fault := _unit(both):
+        return fault
     steps = _steps(both.truth.poses)
     if len(steps) < LEAST_STEPS:
         return ""
@@ -47,6 +50,18 @@ def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> s
     if left > HALF * told.left:
         return ""
     return f"the poses go together only if one of the two files has {said}"
+
+
+def _unit(both: Pairing) -> str:
+    """That one of the two is in millimetres or centimetres, which its extent shows."""
+    mine, theirs = (float(np.linalg.norm(np.std(way.positions_m, axis=0))) if len(way) else 0.0
+                    for way in (both.estimate, both.truth))
+    for unit, times in (("millimetres", 1000.0), ("centimetres", 100.0)):
+        for small, large, name in ((mine, theirs, "truth"), (theirs, mine, "estimate")):
+            if small > LEAST_M and abs(large / small / times - 1.0) < SAME_UNIT:
+                return (f"the {name} is {large / small:.0f} times as large as the other: in {unit}? divide its places by "
+                        f"{times:g}")
+    return ""
 
 
 def w_first(poses: np.ndarray) -> np.ndarray:
