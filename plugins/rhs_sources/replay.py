@@ -37,7 +37,7 @@ from .replay_tum import SET_BACK, UNREADABLE, Recording, is_tum, open_tum
 from .unread import BESIDE, of_file
 
 log = logging.getLogger("rhs.replay")
-NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic")  # in names of folders
+NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic|instance|segment|normals")  # in names of folders
 LENSED = re.compile(r"(?<!un)distorted")
 PACKED = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".lz4", ".7z", ".rar")
 CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
@@ -260,6 +260,8 @@ def _found(path: Path) -> str:
     if video is not None and (path / "depth").is_dir():
         return (f"found {video.name} beside depth; in that folder type: mkdir rgb; ffmpeg -i {video.name} -vsync 0 "
                 "-start_number 0 rgb/%06d.png")
+    if video is not None:
+        return f"found a video; type source.path={video}"
     inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and _format_of(p) != "unknown"
              and not NO_VIEWS.search(str(p.relative_to(path)).lower())]
     if inner:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from bags import KINDS, BagFile, picture
@@ -71,6 +72,44 @@ def test_a_heading_written_into_a_quaternion_is_refused(tmp_path):
             scan(made, k, [2.0, 3.0, 4.0])
     with pytest.raises(ConfigError, match=r"/gt: quaternion .* is 1\.12 long"):
         open_recording(Replay(path=str(made.path), truth_topic="/gt"))
+
+
+@pytest.mark.parametrize("name", ["walk.log", "walk.txt"])
+def test_lines_that_are_indented_or_have_tabs_are_lines_of_a_log(tmp_path, name):
+    rows = ["FLASER", "3", "1.0", "2.0", "3.0", *["0.1"] * 6, "1.5", "host", "1.5"]
+    (tmp_path / name).write_text("\t" + "\t".join(rows) + "\n  " + " ".join(rows).replace("1.5", "1.7") + "\n")
+    views = list(open_recording(Replay(path=str(tmp_path / name))).views)
+    assert [view.scan.ranges_m.tolist() for view, _ in views] == [[1.0, 2.0, 3.0]] * 2
+
+
+@pytest.mark.parametrize(("text", "said"), [("POS 1 2 3\nLASER-RANGE 06-03-1999 17:54:26 0 180\n", "in cm and degrees"),
+                                            ("#ROBOT 1 2 3\n#LASER 180 0\n", "in cm and degrees")])
+def test_logs_of_beesoft_are_named(tmp_path, text, said):
+    (tmp_path / "old.log").write_text(text)
+    with pytest.raises(ConfigError, match=said):
+        open_recording(Replay(path=str(tmp_path / "old.log")))
+
+
+@pytest.mark.parametrize(("one", "other", "said"), [
+    ("r-1316653580.48-131650062{}.ppm", "d-1316653580.47-131613841{}.ppm", "NYU's raw images"),
+    ("a_{}0.png", "b_{}5.png", "two series; expected one in a folder: move the others")])
+def test_two_series_in_a_folder_are_not_one_recording(tmp_path, one, other, said):
+    """NYU's raw depth was led as every other colour image, in silence."""
+    for k in range(3):
+        for name in (one, other):
+            cv2.imwrite(str(tmp_path / name.format(k)), picture(k))
+    settings = Replay(path=str(tmp_path), camera=[50.0, 50.0, 31.5, 23.5])
+    with pytest.raises(ConfigError, match=said):
+        open_recording(settings)
+    for path in tmp_path.glob(other.replace("{}", "*")):
+        path.unlink()
+    assert len(list(open_recording(settings).views)) == 3
+
+
+def test_a_folder_with_one_video_says_what_to_type(tmp_path):
+    (tmp_path / "CLIP.MP4").write_bytes(b"x")
+    with pytest.raises(ConfigError, match=r"type source\.path=.*CLIP\.MP4"):
+        open_recording(Replay(path=str(tmp_path)))
 
 
 def test_clouds_in_millimetres_and_flat_ones_with_beams_that_met_nothing_are_refused():

@@ -40,6 +40,8 @@ CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to roundi
 NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
 HEAD_BYTES = 200
 LOOKED_AT = 20_000  # bytes of a log without scans
+BEESOFT = ("a log of BeeSoft, in cm and degrees: write a line each, FLASER N ranges x y yaw x y yaw stamp host stamp, in "
+           "metres and radians")
 OTHER_LASER = re.compile(r"(ROBOT|RAW)LASER[2-5]|RLASER")  # rear ones, or a robot's second
 STEP_SAID = b"PARAM laser_front_laser_resolution "  # degrees
 AHEAD_SAID = b"PARAM robot_frontlaser_offset "  # metres
@@ -73,7 +75,7 @@ def is_carmen(path: Path) -> bool:
     if path.suffix.lower() not in TEXTS:
         return False
     with path.open("rb") as file:
-        return any(line.startswith(SCANS) for line in file.read(LOOKED_AT).splitlines())
+        return any(_plain(line).startswith(SCANS) for line in file.read(LOOKED_AT).splitlines())
 
 
 def open_carmen(path: Path, settings) -> Recording:
@@ -89,6 +91,7 @@ def open_carmen(path: Path, settings) -> Recording:
         if other := next((kind for kind in sorted(kinds) if OTHER_LASER.fullmatch(kind)), ""):
             first = "FLASER" if other == "RLASER" else f"{other[:-1]}1"
             hint = f"; of another laser alone: write {first} for it (sed s/^{other}/{first}/)"
+        hint = f"; {BEESOFT}" if kinds & {"LASER-RANGE", "#LASER"} else hint
         hint = "; GMapping's own log: give the CARMEN log that it was made of" if "LASER_READING" in kinds else hint
         found = ", ".join(sorted(kinds)[:6])
         raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; found {found}; expected a CARMEN log with "
@@ -139,6 +142,7 @@ def _read(path: Path, settings) -> Log:
         number = 0
         while line := file.readline(MAX_LINE):
             number += 1
+            line = _plain(line)
             if line.startswith(STEP_SAID):
                 step_deg = _said(line)
             if line.startswith(AHEAD_SAID):
@@ -228,6 +232,11 @@ def end_of_range(readings_m: list[np.ndarray]) -> float:
     at_end, below = int((ranges >= first).sum()), int(((ranges >= first - BELOW_M) & (ranges < first)).sum())
     clear = at_end >= END_LEAST and at_end > END_SHARE * len(ranges) and at_end > END_TIMES * AT_END_M / BELOW_M * below
     return first if clear else np.inf
+
+
+def _plain(line: bytes) -> bytes:
+    """Without what it is indented by, and with spaces for tabs."""
+    return line.lstrip().replace(b"\t", b" ")
 
 
 def _said(line: bytes) -> float:
