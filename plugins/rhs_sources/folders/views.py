@@ -23,7 +23,7 @@ from .poses import poses_by_first, poses_by_line, poses_by_number
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
 _AND_TIME = re.compile(r"^\d{7}-(\d{12})$")  # number, and microseconds from the beginning (SUN3D, Redwood's objects)
 _IN_TWO = re.compile(r"^(?:.*\D)?(\d{10})[_-](\d{1,9})$")  # a Unix time in seconds and its fraction, of one stamp
-_DIGITS = re.compile(r"\d+")
+_DIGITS = re.compile(r"[\d.]+")
 SERIES = 0.25  # share of the files of a folder from which on names of another kind are another series
 Pose = Callable[[int], np.ndarray | None]
 At = Callable[[int, float], np.ndarray | None]
@@ -94,7 +94,7 @@ def one_series(files: Sequence[tuple[str, Path]]) -> None:
     kinds: dict[str, list[Path]] = {}
     for number, file in files:
         of.setdefault(float(number), []).append(file)
-        kinds.setdefault(_DIGITS.sub("", file.name), []).append(file)
+        kinds.setdefault(_DIGITS.sub("", file.name.lower()), []).append(file)
     twice = next((same for same in of.values() if len(same) > 1), None)
     if twice is not None and len(of) > 1:
         raise ConfigError(f"{twice[0].parent}: found {twice[0].name} and {twice[1].name}, two of one number; expected one "
