@@ -78,6 +78,9 @@ def _other_messages(file: Path) -> str:
     kinds = sorted({c.message_encoding for c in summary.channels.values()})
     if profile == "ros1" or "ros1" in kinds:
         return "found messages of ROS 1 in MCAP; give the .bag that it was made of"
+    if kinds == ["cdr"] and profile != "ros2":
+        return (f"found the profile {profile!r} in MCAP; expected ros2: play it (ros2 bag play {file.name}) and record that "
+                "(ros2 bag record -a -s mcap)")
     if not kinds or kinds == ["cdr"]:
         return ""
     schemas = sorted({schema.name for schema in summary.schemas.values()})
