@@ -9,7 +9,7 @@ from rhs.api.geometry import BODY_FROM_OPTICAL, inverse, quaternion_xyzw, se2, s
 from rhs.api.trajectory import Trajectory, in_tum_order, read_tum, write_tum
 from rhs.base.commands import LONGEST
 from rhs.base.errors import ConfigError, RecordingError
-from rhs.metrics.evaluate import evaluate_pair, pair_fault
+from rhs.metrics.evaluate import evaluate_pair, folder_fault, pair_fault
 from rhs.metrics.trajectory_forms import read_trajectory
 
 WAY = Trajectory(np.arange(6.0), np.array([se2(0.5 * k, 0.1 * k * k, 0.1 * k) for k in range(6)]))
@@ -221,6 +221,18 @@ def test_images_of_colmap_are_poses_of_the_camera_at_the_numbers_in_their_names(
     read = read_trajectory(tmp_path / "images.txt")
     np.testing.assert_allclose(read.poses, WAY.poses, atol=1e-6)
     np.testing.assert_allclose(read.stamps_s, stamps, atol=1e-5)
+
+
+def test_a_truth_in_another_frame_than_the_map_is_said_to_be(tmp_path):
+    """A robot that found itself was called wrong and sure in 99 % of the views."""
+    way = turning_way()
+    flat = Trajectory(way.stamps_s, np.array([se2(*pose[:2, 3], np.arctan2(pose[1, 0], pose[0, 0])) for pose in way.poses]))
+    write_tum(tmp_path / "localised.tum", flat)
+    moved_by = "moved by (-1.50, 2.00) m and turned by -17 degrees"
+    for name, moved, said in (("other", se2(1.5, -2.0, 0.3) @ flat.poses, moved_by), ("same", flat.poses, ""),
+                              ("lost", flat.poses[::-1], "")):
+        write_tum(tmp_path / "truth_localised.tum", Trajectory(flat.stamps_s, moved))
+        assert said in folder_fault(tmp_path) and bool(folder_fault(tmp_path)) == bool(said), name
 
 
 def test_images_of_colmap_without_numbers_are_refused(tmp_path):
