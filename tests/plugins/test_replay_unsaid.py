@@ -62,6 +62,19 @@ def test_links_of_tf_and_true_poses_that_are_none_are_left_out(tmp_path):
     assert [view.travel[0] for view, _ in views[1:]] == pytest.approx([0.1] * 4)  # of robot_pose_ekf's odom_combined
 
 
+@pytest.mark.parametrize(("parent", "said"), [("laser_base", True), ("base", False)])
+def test_a_laser_that_hangs_under_a_root_of_its_own_is_said_to(tmp_path, caplog, parent, said):
+    with BagFile(tmp_path, "ros2_mcap") as made:
+        made.transform("/tf_static", 1.0, "base", "imu", 0.1)
+        made.transform("/tf_static", 1.0, parent, "laser", 0.3)
+        for k in range(3):
+            made.odometry("/odom", 1.0 + k, 0.1 * k, 0.0, 0.0)
+            scan(made, k, [2.0, 3.0, 4.0])
+    first = next(iter(open_recording(Replay(path=str(made.path))).views))[0].scan
+    assert first.origin_xy_m == pytest.approx((0.0 if said else 0.3, 0.0))
+    assert ("join the frame laser to base of the body" in caplog.text) == said
+
+
 def test_a_heading_written_into_a_quaternion_is_refused(tmp_path):
     with BagFile(tmp_path, "ros2_mcap") as made:
         for k in range(3):
