@@ -35,8 +35,8 @@ FILES = {
 }
 FILES |= dict.fromkeys((".laz", ".e57"), FILES[".las"]) | {".relations": FILES[".rel"], ".pts": FILES[".xyz"]}
 FILES |= {".svo2": FILES[".svo"], ".oniz": FILES[".oni"], ".pcapng": FILES[".pcap"], ".hdf5": FILES[".h5"]}
-FILES[".parquet"] = FILES[".feather"]
-BESIDE = (".csv", ".npy", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
+FILES[".parquet"], FILES[".npz"] = FILES[".feather"], FILES[".npy"]
+BESIDE = (".csv", ".npy", ".npz", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
 VIDEO = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "theora")
 MESSAGES = {
     "CustomMsg": "Livox's own message is not read: drive it with xfer_format: 0 (PointCloud2), or convert it",

@@ -119,6 +119,18 @@ def test_two_series_in_a_folder_are_not_one_recording(tmp_path, one, other, said
     assert len(list(open_recording(settings).views)) == 3
 
 
+def test_a_list_that_was_written_on_windows_is_read(tmp_path):
+    (tmp_path / "rgb").mkdir()
+    for k in range(2):
+        cv2.imwrite(str(tmp_path / f"rgb/{k}.png"), picture(k))
+    (tmp_path / "rgb.txt").write_text("1.0 rgb\\0.png\r\n1.1 .\\rgb\\1.png\r\n")
+    settings = Replay(path=str(tmp_path), camera=[50.0, 50.0, 31.5, 23.5])
+    assert len(list(open_recording(settings).views)) == 2
+    (tmp_path / "rgb.txt").write_text("1.0 ..\\0.png\r\n")
+    with pytest.raises(ConfigError, match="leads out of the recording"):
+        open_recording(settings)
+
+
 def test_a_folder_with_one_video_says_what_to_type(tmp_path):
     (tmp_path / "CLIP.MP4").write_bytes(b"x")
     with pytest.raises(ConfigError, match=r"type source\.path=.*CLIP\.MP4"):

@@ -63,6 +63,21 @@ def depth_scale_beside(folder: Path) -> float | None:
     return scale if 0.0 < scale <= MOST_SCALE else None
 
 
+def depth_camera_beside(folder: Path) -> list[float]:
+    """fx, fy, cx, cy of depth images of another size than colour, as SensReader's info.txt says; empty where nothing does,
+    or the two cameras do not sit at one place."""
+    info = next((one for one in (folder / "info.txt", folder / "_info.txt") if one.is_file()), None)
+    try:
+        named = {} if info is None else _named(info.read_text(encoding="utf-8-sig"))
+        sizes = [[int(named[f"m_{eye}{side}"]) for side in ("Width", "Height")] for eye in ("color", "depth")]
+        matrix, *places = (np.array(named[f"m_calibration{key}"].split(), float).reshape(4, 4)
+                           for key in ("DepthIntrinsic", "DepthExtrinsic", "ColorExtrinsic"))
+    except (KeyError, ValueError, UnicodeDecodeError):
+        return []
+    apart = sizes[0] == sizes[1] or not np.allclose(places[0], places[1])
+    return [] if apart else [float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))]
+
+
 def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
     """The camera of a JSON, YAML or text file; `size` (width, height) where it names none. Raises ConfigError."""
     if path.stat().st_size > MOST_BYTES:
