@@ -67,7 +67,10 @@ class ReplaySource(Source):
         self._views = recording.views
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
         self._ahead = self._reader.submit(next, self._views, None)
-        if self._ahead.exception() is None and self._ahead.result() is None:
+        if isinstance(error := self._ahead.exception(), ConfigError):  # nothing ran yet
+            self._reader.shutdown()
+            raise error
+        if error is None and self._ahead.result() is None:
             self._reader.shutdown()
             hint = "; type source.max_difference_s=SECONDS for colour and depth that never meet" if self.rejected[
                 "unpaired"] else ""

@@ -20,7 +20,7 @@ from rhs.api.records import Capture, WorldFacts
 
 from .folders.intrinsics import intrinsics_beside
 from .replay_cameras import chosen_camera
-from .replay_images import UnreadableImage, check_depth, check_pair, hint_scale, read_color, read_depth
+from .replay_images import check_depth, check_pair, hint_scale, read_color, read_depth
 from .replay_mounts import placed_camera
 from .replay_register import DepthCamera, typed_depth_camera
 from .replay_stamps import Truth, associate, in_order, read_tum_truth, rows, seconds_of, typed_file
@@ -114,11 +114,11 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             pair = stamp, *(Path(file) if file else None for file in files)
             try:
                 color, depth = _read(pair, scale, settings, registered)
-                sound = sound or _check_scale(pair[2], scale, settings)
-            except UnreadableImage as error:
+            except ConfigError as error:  # the first pair was read before
                 rejected[UNREADABLE] += 1
                 lost[:] = [f"{rejected[UNREADABLE]} of {len(listed)} views cannot be read, the last: {error}"]
                 continue
+            sound = sound or _check_scale(pair[2], scale, settings)
             if depth_camera is not None and depth is not None:
                 depth = depth_camera.registered(depth, camera)
             capture = Capture(index, pair[0], image=color, depth=depth, sensed=True)

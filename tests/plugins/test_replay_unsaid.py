@@ -10,7 +10,7 @@ from bags import KINDS, BagFile, picture
 from rhs.api.errors import ConfigError
 from rhs_sources.bags.messages import camera_of
 from rhs_sources.folders.clouds import check_solid
-from rhs_sources.replay import open_recording
+from rhs_sources.replay import ReplaySource, open_recording
 from rhs_sources.replay_config import Replay
 
 NONE = (np.nan, 0.0, 0.0)
@@ -33,6 +33,49 @@ def test_scans_that_hold_nothing_are_said_to(tmp_path, caplog, ranges, least_m, 
             scan(made, k, ranges, least_m)
     assert len(list(open_recording(Replay(path=str(made.path))).views)) == 3
     assert said in caplog.text and bool(caplog.text) == bool(said)
+
+
+def test_one_broken_message_ends_no_recording(tmp_path):
+    """A depth image of another kind, or a scan without a range_max, in the middle: a run of hours broke off."""
+    for name, broken in (("images", False), ("scans", True)):
+        (tmp_path / name).mkdir()
+        with BagFile(tmp_path / name, "ros2_mcap") as made:
+            for k in range(5):
+                if broken:
+                    made.odometry("/odom", 1.0 + k, 0.1 * k, 0.0, 0.0)
+                    scan(made, k, [2.0] * 9, most_m=np.nan if k == 2 else 10.0)
+                    continue
+                made.camera_info("/camera/camera_info", 1.0 + k)
+                made.image("/camera/image", 1.0 + k, picture(k), "rgb8")
+                flat = np.full((48, 64), 200, np.uint8) if k == 2 else np.full((48, 64), 2000, np.uint16)
+                made.image("/camera/depth", 1.0 + k, flat, "8UC1" if k == 2 else "16UC1")
+        recording = open_recording(Replay(path=str(made.path)))
+        assert len(list(recording.views)) == 4 and recording.rejected["unreadable"] == 1
+        assert "1 views cannot be read" in recording.lost[0]
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_one_image_of_another_kind_ends_no_folder(tmp_path, listed):
+    for k in range(4):
+        for name, image in (("rgb", picture(k)), ("depth", np.full((48, 64), 200, np.uint8 if k == 2 else np.uint16))):
+            (tmp_path / name).mkdir(exist_ok=True)
+            cv2.imwrite(str(tmp_path / name / f"{k}.png"), image)
+    for name in ("rgb", "depth") if listed else ():
+        (tmp_path / f"{name}.txt").write_text("".join(f"{0.1 * k} {name}/{k}.png\n" for k in range(4)))
+    settings = Replay(path=str(tmp_path), camera=[50.0, 50.0, 31.5, 23.5], depth_scale=100.0)
+    recording = open_recording(settings)
+    assert len(list(recording.views)) == 3 and "2.png is 8-bit" in recording.lost[0]
+    cv2.imwrite(str(tmp_path / "depth" / "0.png"), np.full((48, 64), 200, np.uint8))
+    with pytest.raises(ConfigError, match="is 8-bit"):
+        open_recording(settings)
+
+
+def test_scans_that_are_all_broken_are_refused_before_anything_runs(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as made:
+        for k in range(3):
+            scan(made, k, [2.0] * 9, most_m=np.nan)
+    with pytest.raises(ConfigError, match="range_max are not finite"):
+        ReplaySource(Replay(path=str(made.path)))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -278,7 +278,14 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
         elif topic == topics.scan == topics.sees:
-            yield Capture(0, stamp, scan=ros.scan_of(message, topic, placed.most_m), sensed=True), None
+            try:
+                scan = ros.scan_of(message, topic, placed.most_m)
+            except ConfigError as error:
+                if scan is None:
+                    raise
+                _lose(error, counts, lost)
+                continue
+            yield Capture(0, stamp, scan=scan, sensed=True), None
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic, placed.most_m), placed.scan, topic)
         elif topic == topics.around:
@@ -288,11 +295,16 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             for pair in _paired(waiting, topics, settings, counts):
                 try:
                     seen = _seen(pair, topics, settings, seen_by, scan)
-                except UnreadableImage as error:
-                    counts[UNREADABLE] += 1
-                    lost[:1] = [f"{counts[UNREADABLE]} views cannot be read, the last: {error}"]
+                except ConfigError as error:  # the first images were read before
+                    _lose(error, counts, lost)
                     continue
                 yield seen, None
+
+
+def _lose(error: ConfigError, counts: Counter, lost: list[str]) -> None:
+    """A view that cannot be read is left out, and that is said."""
+    counts[UNREADABLE] += 1
+    lost[:1] = [f"{counts[UNREADABLE]} views cannot be read, the last: {error}"]
 
 
 def _as_far_as_it_goes(messages: Iterator, lost: list[str]) -> Iterator:

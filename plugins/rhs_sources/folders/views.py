@@ -60,7 +60,9 @@ def led(listed: Listed, settings) -> Recording:
         for i in wanted:
             try:
                 fields = listed.read(i, before)
-            except UnreadableImage as error:
+            except ConfigError as error:
+                if index == 0 and not isinstance(error, UnreadableImage):
+                    raise
                 listed.rejected[UNREADABLE] += 1
                 lost[:] = [f"{listed.rejected[UNREADABLE]} of {len(wanted)} views cannot be read, the last: {error}"]
                 continue
