@@ -127,16 +127,23 @@ def test_a_photograph_is_said_to_be_one(tmp_path, caplog):
     assert "a photograph?" in caplog.text
 
 
-def test_a_coloured_room_that_is_left_out_is_said_to_be_and_read_by_what_is_said(tmp_path, caplog):
+@pytest.mark.parametrize("colour", [(120, 170, 240), (178, 178, 178)])
+def test_a_coloured_room_that_is_left_out_is_said_to_be_and_read_by_what_is_said(tmp_path, caplog, colour):
     """69 % bright: neither wall nor floor. The larger of two rooms was missing, without a word."""
     image = cv2.cvtColor(drawn(), cv2.COLOR_GRAY2BGR)
-    image[22:102, 22:122] = np.where(image[22:102, 22:122] == 255, (120, 170, 240), image[22:102, 22:122])
+    image[22:102, 22:122] = np.where(image[22:102, 22:122] == 255, colour, image[22:102, 22:122])
     assert np.ptp(load_world(plan(tmp_path, image)).bounds_m[::2]) < 4.0
     said = re.search(r"coloured rooms\? write (free_thresh: [\d.]+)", caplog.text)
     assert said is not None
     caplog.clear()
     assert np.ptp(load_world(plan(tmp_path, image, f"{said[1]}\n")).bounds_m[::2]) == pytest.approx(8.0, abs=0.06)
     assert caplog.text == ""
+
+
+def test_coloured_walls_are_no_rooms(tmp_path, caplog):
+    image = cv2.cvtColor(drawn(), cv2.COLOR_GRAY2BGR)
+    image[drawn() == 0] = (0, 255, 255)
+    assert np.ptp(load_world(plan(tmp_path, image)).bounds_m[::2]) == pytest.approx(8.0, abs=0.06) and caplog.text == ""
 
 
 def test_a_map_on_a_large_grey_sheet_is_where_its_origin_says(tmp_path):
