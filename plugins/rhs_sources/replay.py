@@ -253,13 +253,14 @@ def _found(path: Path) -> str:
         return "found an archive; unpack it first" if packed else f"found a file of {path.stat().st_size} bytes"
     if (path / "image_2").is_dir() or (path / "image_0").is_dir():
         return "found a KITTI sequence without its calib.txt"
-    if list(path.glob("*.db3")):
+    if list(path.glob("[!.]*.db3")):
         return f"found a bag without its metadata.yaml; type: ros2 bag reindex {path}"
-    bags = sorted([*path.glob("*.bag"), *path.glob("*.mcap")])
+    bags = sorted([*path.glob("[!.]*.bag"), *path.glob("[!.]*.mcap")])
     if len(bags) > 1:
         return f"found {len(bags)} bags; type source.path={bags[0]} (the parts of one are read together if numbered alike)"
     names = sorted(p.name for p in path.iterdir())
-    video = next((p for p in sorted(path.iterdir()) if p.suffix.lower() in VIDEOS), None)
+    seen = [p for p in sorted(path.iterdir()) if not p.name.startswith(".")]
+    video = next((p for p in seen if p.suffix.lower() in VIDEOS), None)
     if video is not None and (path / "depth").is_dir():
         return (f"found {video.name} beside depth; in that folder type: mkdir rgb; ffmpeg -i {video.name} -vsync 0 "
                 "-start_number 0 rgb/%06d.png")
@@ -270,6 +271,6 @@ def _found(path: Path) -> str:
     if inner:
         best = min(inner, key=lambda p: (LENSED.search(str(p.relative_to(path))) is not None, is_clouds(p)))
         return f"found no recording but one in it; type source.path={best}"
-    if logs := [p for p in sorted(path.iterdir()) if is_carmen(p)]:
+    if logs := [p for p in seen if is_carmen(p)]:
         return f"found {len(logs)} laser log{'s' if len(logs) > 1 else ''}; type source.path={logs[0]}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"

@@ -30,13 +30,13 @@ RATE_HZ = 30.0
 
 
 def is_seven_scenes(path: Path) -> bool:
-    return any(path.glob("*[.-]color.*"))
+    return any(path.glob("[!.]*[.-]color.*"))
 
 
 def open_seven_scenes(path: Path, settings) -> Recording:
     """The views of a 7-Scenes folder in the order of their names. Raises ConfigError when a depth image is missing."""
     pairs, stamps, poses, unknown = [], [], [], 0
-    for number, color in enumerate(sorted(path.glob("*[.-]color.*"))):
+    for number, color in enumerate(sorted(path.glob("[!.]*[.-]color.*"))):
         name, mark = re.split("[.-]color[.]", color.name)[0], color.stem[-len("color") - 1]
         depth = next((file for end in ("png", "pgm") if (file := path / f"{name}{mark}depth.{end}").is_file()), None)
         if depth is None:

@@ -138,6 +138,25 @@ def test_lines_that_are_indented_or_have_tabs_are_lines_of_a_log(tmp_path, name)
     assert [view.scan.ranges_m.tolist() for view, _ in views] == [[1.0, 2.0, 3.0]] * 2
 
 
+def test_a_line_in_the_middle_of_a_log_that_is_not_whole_is_left_out(tmp_path):
+    line = "FLASER 3 1.0 2.0 3.0 0 0 0 {} 0 0 {} host 1\n"
+    lines = [line.format(0.1 * k, k) for k in range(30)]
+    lines[7] = lines[7][:20] + "\n"
+    (tmp_path / "walk.log").write_text("".join(lines))
+    recording = open_recording(Replay(path=str(tmp_path / "walk.log")))
+    assert len(list(recording.views)) == 29 and "1 lines are not whole, the first: walk.log:8" in recording.lost[0]
+    (tmp_path / "walk.log").write_text("".join(lines[5:15]))  # one of nine is no slip of the pen
+    with pytest.raises(ConfigError, match="walk.log:3"):
+        open_recording(Replay(path=str(tmp_path / "walk.log")))
+
+
+def test_what_macos_lays_beside_each_file_is_none_of_the_recording(tmp_path):
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), picture(k))
+        (tmp_path / f"._{k}.png").write_bytes(b"Mac OS X")
+    assert len(list(open_recording(Replay(path=str(tmp_path), camera=[50.0, 50.0, 31.5, 23.5])).views)) == 3
+
+
 @pytest.mark.parametrize(("text", "said"), [("POS 1 2 3\nLASER-RANGE 06-03-1999 17:54:26 0 180\n", "in cm and degrees"),
                                             ("#ROBOT 1 2 3\n#LASER 180 0\n", "in cm and degrees")])
 def test_logs_of_beesoft_are_named(tmp_path, text, said):

@@ -22,7 +22,7 @@ def _parts(folder: Path) -> list[Path]:
     """The files of a bag in a folder without metadata.yaml: a lone one, or those that were split (walk_0.bag, walk_1.bag;
     ROS 1 puts the time of each before its number)."""
     for ending in ("mcap", "bag"):
-        files = list(folder.glob(f"*.{ending}"))
+        files = list(folder.glob(f"[!.]*.{ending}"))
         if len(files) == 1:
             return files
         split = sorted((int(part[2]), SPLIT_TIME.sub("", part[1]), file) for file in files

@@ -45,6 +45,7 @@ BEESOFT = ("a log of BeeSoft, in cm and degrees: write a line each, FLASER N ran
 OTHER_LASER = re.compile(r"(ROBOT|RAW)LASER[2-5]|RLASER")  # rear ones, or a robot's second
 STEP_SAID = b"PARAM laser_front_laser_resolution "  # degrees
 AHEAD_SAID = b"PARAM robot_frontlaser_offset "  # metres
+MOST_BROKEN = 0.05  # lines that are not whole, of each that is
 MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
 FLASER, ROBOT, RAW, ODOM, TRUE = b"FLASER ", b"ROBOTLASER1 ", b"RAWLASER1 ", b"ODOM ", b"TRUEPOS "
 SCANS = (FLASER, ROBOT, RAW)
@@ -136,6 +137,7 @@ def _read(path: Path, settings) -> Log:
     """What a log holds. Raises ConfigError with file and line."""
     readings: list[Reading] = []
     cut: list[str] = []
+    broken: list[ConfigError] = []
     beside: dict[bytes, list[tuple[str, bytes]]] = {ODOM: [], TRUE: []}
     kind, fov_deg, step_deg, ahead_m = b"", settings.laser_fov_deg, 0.0, 0.0
     with opened(path) as file:
@@ -161,10 +163,15 @@ def _read(path: Path, settings) -> Log:
             try:
                 readings.append(flaser(words, where, float(np.radians(fov_deg)), settings.max_laser_m) if found == FLASER
                                 else robotlaser(words, where, settings.max_laser_m))
-            except ConfigError:
-                if line.endswith(b"\n") or not readings:
-                    raise
-                cut.append(f"the log is cut: its last line, {number}, is not whole")
+            except ConfigError as error:
+                if line.endswith(b"\n"):
+                    broken.append(error)
+                else:
+                    cut.append(f"the log is cut: its last line, {number}, is not whole")
+    if broken:
+        if len(broken) > MOST_BROKEN * len(readings):
+            raise broken[0]
+        cut.append(f"{len(broken)} lines are not whole, the first: {broken[0]}")
     check_unit([one.ranges_m for one in readings], str(path))
     most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]

@@ -76,7 +76,8 @@ def led(listed: Listed, settings) -> Recording:
 def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
     """(number at the end of the name, before `tail`, as it is written, file) in order of the numbers; those without one are
     left out. Where all names end in the two parts of a ROS time (cloud_1583836591_182590976.pcd) the number is that time."""
-    found = [(match[2], file) for file in files if (match := _NUMBERED.match(file.stem.removesuffix(tail)))]
+    found = [(match[2], file) for file in files if not file.name.startswith(".")  # ._1.png: macOS's, beside each
+             and (match := _NUMBERED.match(file.stem.removesuffix(tail)))]
     and_time = [match for _, file in found if (match := _AND_TIME.match(file.stem.removesuffix(tail)))]
     if len(and_time) == len(found):
         found = [(f"{int(match[1]) * 1e-6:.6f}", file) for match, (_, file) in zip(and_time, found, strict=True)]
