@@ -37,7 +37,7 @@ from .replay_tum import SET_BACK, UNREADABLE, Recording, is_tum, open_tum
 from .unread import BESIDE, of_file
 
 log = logging.getLogger("rhs.replay")
-NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic")  # in names of folders
+NO_VIEWS = re.compile(r"depth|confidence|conf$|mask|label|semantic|instance|segment|normals")  # in names of folders
 LENSED = re.compile(r"(?<!un)distorted")
 PACKED = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".lz4", ".7z", ".rar")
 CAMERA_M, LIDAR_M = 10.0, 200.0  # half the side of the square to map, where nobody says
@@ -67,7 +67,10 @@ class ReplaySource(Source):
         self._views = recording.views
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="replay")
         self._ahead = self._reader.submit(next, self._views, None)
-        if self._ahead.exception() is None and self._ahead.result() is None:
+        if isinstance(error := self._ahead.exception(), ConfigError):  # nothing ran yet
+            self._reader.shutdown()
+            raise error
+        if error is None and self._ahead.result() is None:
             self._reader.shutdown()
             hint = "; type source.max_difference_s=SECONDS for colour and depth that never meet" if self.rejected[
                 "unpaired"] else ""
@@ -250,21 +253,24 @@ def _found(path: Path) -> str:
         return "found an archive; unpack it first" if packed else f"found a file of {path.stat().st_size} bytes"
     if (path / "image_2").is_dir() or (path / "image_0").is_dir():
         return "found a KITTI sequence without its calib.txt"
-    if list(path.glob("*.db3")):
+    if list(path.glob("[!.]*.db3")):
         return f"found a bag without its metadata.yaml; type: ros2 bag reindex {path}"
-    bags = sorted([*path.glob("*.bag"), *path.glob("*.mcap")])
+    bags = sorted([*path.glob("[!.]*.bag"), *path.glob("[!.]*.mcap")])
     if len(bags) > 1:
         return f"found {len(bags)} bags; type source.path={bags[0]} (the parts of one are read together if numbered alike)"
     names = sorted(p.name for p in path.iterdir())
-    video = next((p for p in sorted(path.iterdir()) if p.suffix.lower() in VIDEOS), None)
+    seen = [p for p in sorted(path.iterdir()) if not p.name.startswith(".")]
+    video = next((p for p in seen if p.suffix.lower() in VIDEOS), None)
     if video is not None and (path / "depth").is_dir():
         return (f"found {video.name} beside depth; in that folder type: mkdir rgb; ffmpeg -i {video.name} -vsync 0 "
                 "-start_number 0 rgb/%06d.png")
+    if video is not None:
+        return f"found a video; type source.path={video}"
     inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and _format_of(p) != "unknown"
              and not NO_VIEWS.search(str(p.relative_to(path)).lower())]
     if inner:
         best = min(inner, key=lambda p: (LENSED.search(str(p.relative_to(path))) is not None, is_clouds(p)))
         return f"found no recording but one in it; type source.path={best}"
-    if logs := [p for p in sorted(path.iterdir()) if is_carmen(p)]:
+    if logs := [p for p in seen if is_carmen(p)]:
         return f"found {len(logs)} laser log{'s' if len(logs) > 1 else ''}; type source.path={logs[0]}"
     return f"found {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}" if names else "found an empty folder"

@@ -102,11 +102,11 @@ def metres(raw: np.ndarray, *, scale: float, max_depth_m: float, where: str) -> 
     return np.where((depth > 0) & (depth <= max_depth_m), depth, np.float32(np.nan))
 
 
-def check_pair(color: np.ndarray, depth: np.ndarray, where: str) -> None:
-    """Refuse colour and depth of different sizes."""
+def check_pair(color: np.ndarray, depth: np.ndarray, where: str, hint: str = "") -> None:
+    """Refuse colour and depth of different sizes; hint: what to type then."""
     if color.shape[:2] != depth.shape[:2]:
         (h, w), (dh, dw) = color.shape[:2], depth.shape[:2]
-        raise ConfigError(f"{where}: colour is {w}x{h} but depth is {dw}x{dh}; expected registered images of one size")
+        raise ConfigError(f"{where}: colour is {w}x{h} but depth is {dw}x{dh}; expected registered images of one size{hint}")
 
 
 def shrunk(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:

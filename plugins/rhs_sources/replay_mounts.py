@@ -68,7 +68,7 @@ class Mounts:
 
     def of(self, frame: str, *, to_the_end: bool = False) -> np.ndarray | None:
         """4x4 body_from_frame; None where the tree does not join the two. to_the_end: where no body is named, the end of the
-        links is it."""
+        links is it; where one is and is not joined, that is said."""
         at, pose = frame.strip("/"), UNTURNED
         for _ in range(MOST_LINKS):
             if at == self._body or (not self._body and at in BODIES):
@@ -78,7 +78,11 @@ class Mounts:
             at, step = self._links[at]
             pose = step @ pose
         if self._body:
-            return self._beside(at, pose)
+            found = self._beside(at, pose)
+            if found is None and to_the_end:
+                log.warning("no fixed tf links join the frame %s to %s of the body: it is taken to sit there; where it does "
+                            "not type source.scan_mount=[x,y,z,roll,pitch,yaw]", frame, self._body)
+            return found
         return pose if to_the_end and pose is not UNTURNED else None
 
     def listed(self) -> str:

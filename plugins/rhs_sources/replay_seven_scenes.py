@@ -6,7 +6,7 @@ was never found and is unknown. The recordings have no stamps: 30 views a second
 
 In the data set itself depth is that of a camera beside the colour camera, and so are the poses: with
 `source.camera=seven_scenes` both are carried to the colour camera (replay_register.py). Folders of this form with other
-cameras are taken to be registered.
+cameras are taken to be registered, but where their _info.txt says that depth has a size and numbers of its own (3RScan).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
-from .folders.intrinsics import depth_scale_beside
+from .folders.intrinsics import depth_camera_beside, depth_scale_beside
 from .replay_cameras import DEPTH_CAMERAS, check_pose
 from .replay_register import typed_depth_camera
 from .replay_stamps import Truth, number_of, rows
@@ -30,13 +30,13 @@ RATE_HZ = 30.0
 
 
 def is_seven_scenes(path: Path) -> bool:
-    return any(path.glob("*[.-]color.*"))
+    return any(path.glob("[!.]*[.-]color.*"))
 
 
 def open_seven_scenes(path: Path, settings) -> Recording:
     """The views of a 7-Scenes folder in the order of their names. Raises ConfigError when a depth image is missing."""
     pairs, stamps, poses, unknown = [], [], [], 0
-    for number, color in enumerate(sorted(path.glob("*[.-]color.*"))):
+    for number, color in enumerate(sorted(path.glob("[!.]*[.-]color.*"))):
         name, mark = re.split("[.-]color[.]", color.name)[0], color.stem[-len("color") - 1]
         depth = next((file for end in ("png", "pgm") if (file := path / f"{name}{mark}depth.{end}").is_file()), None)
         if depth is None:
@@ -53,7 +53,7 @@ def open_seven_scenes(path: Path, settings) -> Recording:
     if not pairs:
         raise ConfigError(f"{path}: no view like frame-000000.color.png; expected a 7-Scenes folder (seq-01)")
     preset = DEPTH_CAMERAS.get(settings.camera) if isinstance(settings.camera, str) else None
-    beside = typed_depth_camera(settings.depth_camera) or preset
+    beside = typed_depth_camera(settings.depth_camera or depth_camera_beside(path)) or preset
     if beside is not None and poses:
         poses = list(np.array(poses) @ inverse(beside.color_from_depth))
     truth = Truth(np.array(stamps), np.array(poses).reshape(-1, 4, 4), 0.0) if poses else None

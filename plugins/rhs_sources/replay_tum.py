@@ -20,7 +20,7 @@ from rhs.api.records import Capture, WorldFacts
 
 from .folders.intrinsics import intrinsics_beside
 from .replay_cameras import chosen_camera
-from .replay_images import UnreadableImage, check_depth, check_pair, hint_scale, read_color, read_depth
+from .replay_images import check_depth, check_pair, hint_scale, read_color, read_depth
 from .replay_mounts import placed_camera
 from .replay_register import DepthCamera, typed_depth_camera
 from .replay_stamps import Truth, associate, in_order, read_tum_truth, rows, seconds_of, typed_file
@@ -91,7 +91,8 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
     it saw them; None: they are registered to colour."""
     scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
-    first = _read(pairs[0], scale, settings)
+    registered = depth_camera is None
+    first = _read(pairs[0], scale, settings, registered)
     deep = pairs[0][2] is not None
     checked = not deep or _check_scale(pairs[0][2], scale, settings)
     size = (first[0].shape[1], first[0].shape[0])
@@ -112,12 +113,12 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
         for stamp, *files in listed:
             pair = stamp, *(Path(file) if file else None for file in files)
             try:
-                color, depth = _read(pair, scale, settings)
-                sound = sound or _check_scale(pair[2], scale, settings)
-            except UnreadableImage as error:
+                color, depth = _read(pair, scale, settings, registered)
+            except ConfigError as error:  # the first pair was read before
                 rejected[UNREADABLE] += 1
                 lost[:] = [f"{rejected[UNREADABLE]} of {len(listed)} views cannot be read, the last: {error}"]
                 continue
+            sound = sound or _check_scale(pair[2], scale, settings)
             if depth_camera is not None and depth is not None:
                 depth = depth_camera.registered(depth, camera)
             capture = Capture(index, pair[0], image=color, depth=depth, sensed=True)
@@ -136,12 +137,13 @@ def _check_scale(path: Path, scale: float, settings) -> bool:
     return check_depth(depth, scale=scale, where=path.name)
 
 
-def _read(pair, scale: float, settings) -> tuple[np.ndarray, np.ndarray | None]:
+def _read(pair, scale: float, settings, registered: bool) -> tuple[np.ndarray, np.ndarray | None]:
     color = read_color(pair[1])
     if pair[2] is None:
         return color, None
     depth = read_depth(pair[2], scale=scale, max_depth_m=settings.max_depth_m, typed=bool(settings.depth_scale))
-    check_pair(color, depth, pair[1].name)
+    if registered:
+        check_pair(color, depth, pair[1].name, "; of depth of a camera of its own type source.depth_camera=[fx,fy,cx,cy]")
     return color, depth
 
 
@@ -210,6 +212,7 @@ def _associations(path: Path, settings) -> tuple[list[tuple[float, Path, Path | 
 
 def inside(folder: Path, name: str, where: str) -> Path:
     """The file `name` of `folder`; a name that leads out of the folder is refused. Links are the user's own."""
+    name = name.replace("\\", "/")  # of a list that was written on Windows
     path = folder / name  # an absolute name replaces the folder
     inside = path.is_relative_to(folder) or path.resolve().is_relative_to(folder.resolve())
     if not inside or ".." in Path(name).parts:

@@ -26,11 +26,17 @@ FILES = {
             "-SAVE_CLOUDS)",
     ".npy": "arrays: of clouds type points.astype('float32').tofile('000000.bin'); of depth they are read beside rgb",
     ".xyz": "points as text: write .pcd, .ply or float32 x, y, z as .bin, one file a scan",
+    ".heic": "photographs of a phone: write them as .jpg (mogrify -format jpg *.heic), or give its video",
+    ".mat": f"arrays of MATLAB: write depth and colour as {_IMAGES}, clouds as float32 x, y, z in .bin, one file a scan",
+    ".tfrecord": "records of TensorFlow (Waymo, Open X): write clouds as float32 x, y, z in .bin, images as .png, one file "
+                 "each",
+    ".feather": "a table of points (Argoverse): write float32 x, y, z as .bin, one file a scan",
     ".db": "a data base: of RTAB-Map, rtabmap-export or rtabmap-databaseViewer write its images",
 }
 FILES |= dict.fromkeys((".laz", ".e57"), FILES[".las"]) | {".relations": FILES[".rel"], ".pts": FILES[".xyz"]}
 FILES |= {".svo2": FILES[".svo"], ".oniz": FILES[".oni"], ".pcapng": FILES[".pcap"], ".hdf5": FILES[".h5"]}
-BESIDE = (".csv", ".npy", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
+FILES[".parquet"], FILES[".npz"] = FILES[".feather"], FILES[".npy"]
+BESIDE = (".csv", ".npy", ".npz", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
 VIDEO = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "theora")
 MESSAGES = {
     "CustomMsg": "Livox's own message is not read: drive it with xfer_format: 0 (PointCloud2), or convert it",

@@ -23,9 +23,10 @@ _STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanosecond
 _NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality|(roll|pitch|yaw)(_deg)?$")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
 _EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
-_HEADING = re.compile(r"(?:.*[._ ])?(yaw|theta|heading|th)[_ ]?(rad|radians|deg|degrees)?")
+_ANGLE = re.compile(r"(?:.*[._ ])?(roll|pitch|yaw|theta|heading|th)[_ ]?(rad|radians|deg|degrees)?")
 _NCLT_ROW = re.compile(r"\d{16}(,\s*[^,\s]+){6}$")  # microseconds, x y z, roll pitch heading
 _ECHO_ROW = re.compile(r"\d{1,10},\d{1,9},[a-zA-Z_/][^,]*,([a-zA-Z_/][^,]*,)?[-\d]")  # ros2 topic echo --csv: s, ns, frames
+_LOST_ROW = re.compile(r"[-+.\deE]+(?:[,;\s]+[-+]?nan){7,}[,;\s]*|[-+.\deE]+[,;]{7,}\s*", re.I)  # a stamp, and nothing more
 _DIGITS = {13: 3, 16: 6, 19: 9}  # of a Unix time in ms, us and ns; so many of them are behind the point
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
 MOST_HEADING = 6.3  # that is taken for radians where nobody says
@@ -74,14 +75,15 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Read a TUM file, sorted by time; of equal stamps the first line counts.
+    """Read a TUM file, sorted by time; of equal stamps the first line counts, and one whose numbers behind the stamp are all
+    NaN or empty is none: its moment has no pose.
 
     Raises RecordingError naming file and line for anything that is not eight finite numbers with a usable quaternion.
     """
     rows = []
     for number, line in enumerate(in_tum_order(_text(Path(path)), str(path)).splitlines(), start=1):
         words = line.split("#", 1)[0].replace(",", " ").split()
-        if words:
+        if words and not _LOST_ROW.fullmatch(line):
             rows.append(_tum_row(words, f"{path}:{number}"))
     table = np.array(rows).reshape(-1, 8)
     table[:, 0] *= [seconds_in(stamp) for stamp in table[:, 0]]
@@ -98,19 +100,20 @@ def seconds_in(stamp: float) -> float:
 
 def in_tum_order(text: str, where: str = "line") -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
-    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, `time,x,y,yaw`, commented or not), or
-    EuRoC's, which begins with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2 topic echo --csv`,
-    without one; line by line. Another text as it is. where: its file. Raises RecordingError of headings whose unit nobody
-    says."""
+    (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, `time,x,y,yaw`, `t,x,y,z,roll,pitch,yaw`,
+    commented or not), or EuRoC's, which begins with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2
+    topic echo --csv`, without one; line by line. Another text as it is. where: its file. Raises RecordingError of angles
+    whose unit nobody says."""
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)
         if order:
             nano = re.search(r"stamp[^,;]*\[ns\]|_ns\b|nsec|nanosec", line) is not None
             return "\n".join([*[""] * (k + 1), *(_ordered(row, order, nano=nano) for row in lines[k + 1 :])])
-        if flat := _flat_columns(line):
+        if angled := _angled_columns(line):
             below = enumerate(lines[k + 1 :], start=k + 2)
-            return "\n".join([*[""] * (k + 1), *(_of_heading(row, f"{where}:{number}", *flat) for number, row in below)])
+            turned = (_of_named_angles(row, f"{where}:{number}", *angled) for number, row in below)
+            return "\n".join([*[""] * (k + 1), *turned])
         if words := line.split("#", 1)[0].strip():
             if _NCLT_ROW.match(words):
                 return "\n".join(map(_of_angles, lines))
@@ -139,9 +142,9 @@ def _columns(header: str) -> list[int]:
     return [ks[0] for ks in wanted] if all(len(ks) == 1 for ks in wanted) else []
 
 
-def _flat_columns(header: str) -> tuple[list[int], float] | None:
-    """Where stamp x y heading stand, by the names in a header that names each of them once and no z, and the radians of one
-    step of heading, 0 where it is not said; None of another header."""
+def _angled_columns(header: str) -> tuple[list[int], float] | None:
+    """Where stamp x y heading stand, by the names in a header that names each of them once and no z, or stamp x y z roll
+    pitch heading, and the radians of one step of an angle, 0 where it is not said; None of another header."""
     separator = ";" if ";" in header else "," if "," in header else None
     found: dict[str, list[int]] = {}
     radians = 0.0
@@ -149,33 +152,47 @@ def _flat_columns(header: str) -> tuple[list[int], float] | None:
         name = re.sub(r"[\[(\s]+", " ", name.strip(" \"'_").lower()).rstrip(" )]")
         plain = re.split(r"[._ ]", name)
         key = "t" if _STAMP.fullmatch(name.split(" ")[0]) else next((axis for axis in "xyz" if axis in plain), "")
-        if heading := _HEADING.fullmatch(name):
-            key, unit = "heading", heading[2] or ""
+        if angle := _ANGLE.fullmatch(name):
+            key, unit = angle[1] if angle[1] in ("roll", "pitch") else "heading", angle[2] or ""
             radians = np.pi / 180.0 if unit.startswith("deg") else float(bool(unit))
         if key and not re.search(r"vel|twist|acc|^v_", name):
             found.setdefault(key, []).append(k)
-    wanted = [found.get(key, []) for key in ("t", "x", "y", "heading")]
-    return ([ks[0] for ks in wanted], radians) if "z" not in found and all(len(ks) == 1 for ks in wanted) else None
+    keys = ("t", "x", "y", "z", "roll", "pitch", "heading") if "z" in found else ("t", "x", "y", "heading")
+    wanted = [found.get(key, []) for key in keys]
+    return ([ks[0] for ks in wanted], radians) if all(len(ks) == 1 for ks in wanted) else None
 
 
-def _of_heading(row: str, where: str, order: list[int], radians: float) -> str:
-    """A row of a pose on the floor with z of zero and a quaternion; as it is where it is none. Raises RecordingError where
-    the heading may be of either unit."""
-    words = row.split("#", 1)[0].replace(",", " ").replace(";", " ").split()
+def _of_named_angles(row: str, where: str, order: list[int], radians: float) -> str:
+    """A row with angles (about fixed axes, roll first, as in ROS; on the floor heading alone) with a quaternion; as it is
+    where it is none. Raises RecordingError where the angles may be of either unit."""
+    words = _cells(row)
     try:
-        stamp, x, y, heading = (words[k] for k in order)
-        angle = float(heading)
+        stamp, x, y, *rest = (words[k] for k in order)
+        z, *angles = [float(word) for word in rest] if len(rest) > 1 else [0.0, 0.0, 0.0, float(rest[0])]
     except (ValueError, IndexError):
         return row
-    if not radians and abs(angle) > MOST_HEADING:
-        raise RecordingError(f"{where}: the heading {heading} is more than a turn of radians; expected a header that "
-                             "says yaw_deg or yaw_rad")
-    half = 0.5 * angle * (radians or 1.0)
-    return f"{stamp} {x} {y} 0 0 0 {np.sin(half):.9f} {np.cos(half):.9f}"
+    if not radians and np.abs(angles).max() > MOST_HEADING:
+        angle = max(rest[-3:], key=lambda word: abs(float(word)))
+        raise RecordingError(f"{where}: the heading {angle} is more than a turn of radians; expected a header that says "
+                             "yaw_deg or yaw_rad")
+    return f"{stamp} {x} {y} {z:.9g} {_turned(np.array(angles) * (radians or 1.0))}"
+
+
+def _turned(angles: np.ndarray) -> str:
+    """The quaternion of roll, pitch and heading, radians about fixed axes, w last."""
+    from scipy.spatial.transform import Rotation
+
+    return " ".join(f"{v:.9f}" for v in Rotation.from_euler("xyz", angles).as_quat())
+
+
+def _cells(row: str) -> list[str]:
+    """The words of a row; commas beside semicolons are those of decimals, as spreadsheets of many countries write them."""
+    plain = row.split("#", 1)[0].replace('"', " ")
+    return plain.replace(",", "." if ";" in plain else " ").replace(";", " ").split()
 
 
 def _ordered(row: str, order: list[int], *, nano: bool) -> str:
-    words = row.split("#", 1)[0].replace(",", " ").replace(";", " ").split()
+    words = _cells(row)
     if len(words) <= max(order):
         return row
     words = [words[k] for k in order]
@@ -189,16 +206,14 @@ def _ordered(row: str, order: list[int], *, nano: bool) -> str:
 
 def _of_angles(row: str) -> str:
     """NCLT's line, its angles about fixed axes as a quaternion; nothing of one that holds nan."""
-    from scipy.spatial.transform import Rotation
-
     words = row.split("#", 1)[0].replace(",", " ").split()
     if not _NCLT_ROW.match(row.strip()) or "nan" in row.lower():
         return row if "nan" not in row.lower() else ""
     try:
-        turn = Rotation.from_euler("xyz", [float(word) for word in words[4:]]).as_quat()
+        turn = _turned(np.array(words[4:], float))
     except ValueError:
         return row
-    return f"{words[0][:-6]}.{words[0][-6:]} {' '.join(words[1:4])} {' '.join(f'{v:.9f}' for v in turn)}"
+    return f"{words[0][:-6]}.{words[0][-6:]} {' '.join(words[1:4])} {turn}"
 
 
 def _text(path: Path) -> str:

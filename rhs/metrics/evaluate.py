@@ -15,7 +15,7 @@ from rhs.config.dictionary import GROUPS, RUN, TASKS, metrics_by_group
 from rhs.runfolder.row import plain_value
 from rhs.runfolder.run import Run
 
-from .pose_forms import pose_fault
+from .pose_forms import moved_fault, pose_fault
 from .relations import LOG_WAY, read_relations, relation_values
 from .survey import TOLERANCE_S, Values, trajectory_values
 from .trajectory_forms import numbered, read_trajectory
@@ -49,7 +49,9 @@ def pair_fault(estimate: Path, truth: Path, tolerance_s: float = TOLERANCE_S) ->
 
 
 def folder_fault(folder: Path) -> str:
-    """The same of the way and the truth of a run folder."""
+    """The same of the way and the truth of a run folder; of task=localise whether the truth is of the map's frame."""
+    if (folder / "localised.tum").is_file() and (folder / "truth_localised.tum").is_file():
+        return moved_fault(read_tum(folder / "localised.tum"), read_tum(folder / "truth_localised.tum"))
     way, truth = folder / "corrected.tum", folder / "truth_survey.tum"
     way = way if way.is_file() else folder / "estimate.tum"
     return pair_fault(way, truth) if way.is_file() and truth.is_file() else ""

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rhs.api.geometry import inverse
+from rhs.api.belief import RIGHT_M, RIGHT_RAD
+from rhs.api.geometry import inverse, wrap
 from rhs.api.trajectory import Trajectory
 
 from .accuracy import Pairing, pair, relative_errors, rmse, rotation_angles
@@ -22,6 +23,8 @@ from .accuracy import Pairing, pair, relative_errors, rmse, rotation_angles
 LEAST_STEPS, MOST_STEPS = 20, 500
 TURN_RAD = 0.1  # least median turn between two moments
 CONTRADICTS, HALF = 0.5, 0.5  # share of the motions that is left; of that, and of the relative error, with another reading
+LEAST_M, SAME_UNIT = 0.01, 0.1  # extent of a way that tells its unit, and by which share it may be off
+MOST_SAME, MOVED_M = 0.9, 0.5  # share of beliefs that are moved alike, and how far off their middle one has to be
 AXES_DEG = 20.0  # bodies that are turned by less are taken for one
 
 
@@ -36,6 +39,8 @@ class _Fit:
 def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> str:
     """What is wrong with the poses of two trajectories as they were read, and what to type; empty where nothing is seen."""
     both = pair(estimate, truth, tolerance_s)
+    if fault := _unit(both):
+        return fault
     steps = _steps(both.truth.poses)
     if len(steps) < LEAST_STEPS:
         return ""
@@ -47,6 +52,18 @@ def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> s
     if left > HALF * told.left:
         return ""
     return f"the poses go together only if one of the two files has {said}"
+
+
+def _unit(both: Pairing) -> str:
+    """That one of the two is in millimetres or centimetres, which its extent shows."""
+    mine, theirs = (float(np.linalg.norm(np.std(way.positions_m, axis=0))) if len(way) else 0.0
+                    for way in (both.estimate, both.truth))
+    for unit, times in (("millimetres", 1000.0), ("centimetres", 100.0)):
+        for small, large, name in ((mine, theirs, "truth"), (theirs, mine, "estimate")):
+            if small > LEAST_M and abs(large / small / times - 1.0) < SAME_UNIT:
+                return (f"the {name} is {large / small:.0f} times as large as the other: in {unit}? divide its places by "
+                        f"{times:g}")
+    return ""
 
 
 def w_first(poses: np.ndarray) -> np.ndarray:
@@ -120,3 +137,24 @@ def _axes(both: Pairing, steps: np.ndarray, rotation: np.ndarray) -> str:
         return ""
     return (f"the poses of the two are of axes turned by {angle:.0f} degrees to each other (a camera's beside a robot's?): "
             "rpe_* and end_error_* are mostly that; the ATE is of positions and stands")
+
+
+def moved_fault(belief: Trajectory, truth: Trajectory) -> str:
+    """That a localiser's poses are the true ones moved on the floor, all but a few by the same: truth and map are of two
+    frames, or two places look alike. Empty where they agree, or differ otherwise."""
+    both = pair(belief, truth, 0.0)
+    if len(both.truth) < LEAST_STEPS:
+        return ""
+    mine, theirs = (np.arctan2(way.poses[:, 1, 0], way.poses[:, 0, 0]) for way in (both.estimate, both.truth))
+    turns = wrap(theirs - mine)
+    turn = float(np.arctan2(np.median(np.sin(turns)), np.median(np.cos(turns))))
+    c, s = np.cos(turn), np.sin(turn)
+    moves = both.truth.positions_m[:, :2] - both.estimate.positions_m[:, :2] @ np.array([[c, s], [-s, c]])
+    move = np.median(moves, axis=0)
+    off = np.hypot(*(both.truth.positions_m - both.estimate.positions_m)[:, :2].T)
+    same = (np.hypot(*(moves - move).T) < RIGHT_M) & (np.abs(wrap(turns - turn)) < RIGHT_RAD)
+    if same.mean() < MOST_SAME or np.median(off) < MOVED_M:
+        return ""
+    return (f"the belief is the truth moved by ({-move[0]:.2f}, {-move[1]:.2f}) m and turned by {-np.degrees(turn):.0f} "
+            "degrees all along: the truth is of another frame than the map, and figures that hold the two together mean "
+            "nothing (of a run's map type map=RUN_FOLDER), or two places look alike")

@@ -17,7 +17,7 @@ from rhs.base.errors import ConfigError
 from .clearance import clearance_of, coarser
 from .house_expo import floor_in
 from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
-from .maps import advice_on, is_shaded, load_map, read_header, writing_in
+from .maps import advice_on, load_map, odd_shades, read_header, writing_in
 from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .near_walls import keep_near_walls
@@ -67,9 +67,8 @@ def read_building(path: Path, file: Section) -> Building:
     if start_m is not None:
         start_m = (np.linalg.inv(map_from_image) @ (*start_m, 1.0))[:2]
     grid = load_map(path, origin=(0.0, 0.0, 0.0), turned=False)
-    if is_shaded(path):
-        log.warning("%s: much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its "
-                    "walls black on white", path.name)
+    if odd := odd_shades(path):
+        log.warning("%s: %s", path.name, odd)
     if drawn and (marks := writing_in(grid)) >= WRITING:
         log.warning("%s: %d marks of less than 1 m stand apart from every wall, and are built: if they are writing, write "
                     "marks_m: 1 in %s", path.stem, marks, path.name)

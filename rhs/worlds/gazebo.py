@@ -108,3 +108,8 @@ def downloaded(uri: str) -> tuple[str, list[Path]]:
                for cache in (".gz", ".ignition")]
     versions = [version for folder in folders if folder.is_dir() for version in folder.iterdir() if version.name.isdigit()]
     return name, sorted(versions, key=lambda version: -int(version.name))
+
+
+def fetched(missing: list[str]) -> str:
+    """What to type for the first missing model of Gazebo Fuel, after a semicolon; empty where there is none."""
+    return next((f"; type: gz fuel download -u {uri}" for uri in missing if uri.startswith(("https://", "http://"))), "")

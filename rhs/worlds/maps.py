@@ -36,6 +36,10 @@ UNKNOWN_AS_SAVED = (255 - UNKNOWN_GREY) / 255  # occupancy of that grey; nav2's 
 MOST_YAW_RAD = 2.0 * np.pi + 0.01
 READ = "PGM, PNG, BMP, JPEG, WebP, TIFF or GIF"
 SHADED = 0.2  # share of a picture in greys between wall and floor from which it is taken for a photograph
+COLOURED, ROOMS = 0.06, 0.03  # by which the channels of a colour differ; share of a picture that is no writing
+THICK = 0.04  # of a picture's shorter side; walls are thinner
+UNKNOWN_GREYS = (127, 128, UNKNOWN_GREY)  # of hector_mapping, Cartographer and map_saver
+MOST_ROOMS = 90.0  # per cent of it that are called free
 _LOOKED_AT = 1_000_000  # pixels of a picture from which is told what is wrong with it
 _BAND_CELLS = 1_000_000  # of a map that are turned at a time
 _MAXVAL = re.compile(rb"P([2356])(?:(?:\s|#[^\n]*\n)+\d{1,9}){2}(?:\s|#[^\n]*\n)+(\d{1,5})\s")
@@ -280,19 +284,34 @@ def advice_on(yaml_path: str | FilePath) -> str:
     return ""
 
 
-def is_shaded(yaml_path: str | FilePath) -> bool:
-    """Whether much of the picture is of many greys that are neither wall nor floor, as in a photograph: the one grey that
-    stands for unknown does not count."""
+def odd_shades(yaml_path: str | FilePath) -> str:
+    """What to say of a picture much of which is neither wall nor floor: of colours, which no map has, or of one grey that
+    does not lie round it, as the rooms of some plans; or of many greys, as a photograph (one that stands for unknown does
+    not count). Empty of others."""
+    import cv2
+
     header = read_header(yaml_path, origin=(0.0, 0.0, 0.0))
     image = _read_image(header.image, most=_LOOKED_AT)
     if header.mode != "trinary" or image.shape[2] == 2:
-        return False
+        return ""
     shade = image[:, :, :3].mean(axis=2)
     occupancy = shade if header.negate else 1.0 - shade
-    between = np.rint(255.0 * shade[(occupancy <= header.occupied_thresh) & (occupancy >= header.free_thresh)]).astype(int)
-    levels = np.bincount(between, minlength=256)
-    unknown = int(np.argmax(levels))
-    return bool(levels.sum() - levels[max(0, unknown - 8):unknown + 9].sum() > SHADED * shade.size)
+    neither = (occupancy <= header.occupied_thresh) & (occupancy >= header.free_thresh)
+    filled = neither & (np.ptp(image[:, :, :3], axis=2) > COLOURED)
+    levels = np.bincount(np.rint(255.0 * shade[neither]).astype(int), minlength=256)
+    grey = int(np.argmax(levels))
+    edge = np.concatenate([shade[0], shade[-1], shade[:, 0], shade[:, -1]])
+    if grey not in UNKNOWN_GREYS and (np.rint(255.0 * edge) == grey).mean() < 0.5:
+        filled |= neither & (np.rint(255.0 * shade) == grey)
+    thick = max(3, round(THICK * min(shade.shape)))
+    if filled.mean() > ROOMS and cv2.erode(filled.astype(np.uint8), np.ones((thick, thick), np.uint8)).any():
+        most = min(0.02 + float(np.percentile(occupancy[filled], MOST_ROOMS)), header.occupied_thresh)
+        return (f"{100.0 * filled.mean():.0f} % of it is of a colour that is neither wall nor floor, and is left out: "
+                f"coloured rooms? write free_thresh: {most:.2f}")
+    if levels.sum() - levels[max(0, grey - 8):grey + 9].sum() > SHADED * shade.size:
+        return ("much of it is of many greys, neither wall nor floor: a photograph? straighten it, and draw its walls black "
+                "on white")
+    return ""
 
 
 def _turned(probability: np.ndarray, header: MapHeader) -> OccupancyGrid:

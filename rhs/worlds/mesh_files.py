@@ -166,7 +166,8 @@ def from_one(text: bytes) -> bytes:
 
 
 def _resolver(path: Path) -> Any:
-    """What finds the pictures and materials that a mesh names: beside it, or in ../materials/textures as Gazebo does."""
+    """What finds the pictures and materials that a mesh names: beside it, in textures/ or ../textures, or in
+    ../materials/textures as Gazebo does."""
     from trimesh.resolvers import FilePathResolver
 
     class Beside(FilePathResolver):
@@ -176,7 +177,8 @@ def _resolver(path: Path) -> Any:
             plain = unquote(str(name).strip().removeprefix("file://")).replace("\\", "/")
             last = plain.rsplit("/", 1)[-1]
             folder = path.parent
-            for place in (folder / plain, folder / last, folder.parent / "materials" / "textures" / last):
+            inner = (folder / name / last for name in ("textures", "Textures", "../textures", "../materials/textures"))
+            for place in (folder / plain, folder / last, *inner):
                 if last and place.is_file():
                     return place.read_bytes()
             self.missing.append(last or "a file without a name")

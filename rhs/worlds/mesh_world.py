@@ -12,6 +12,7 @@ from rhs.api.floorplan import Mesh, Person, Wall
 from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.base.errors import ConfigError
 
+from .gazebo import fetched
 from .map_walls import HEIGHT_M, Building, no_room, room_of, roomiest_m, shut_m2, shut_words
 from .mesh_files import MESHES, Y_UP, MeshFile, read_mesh
 from .scene_files import read_scene
@@ -79,7 +80,7 @@ def _upright(path: Path, file: Section, said: list[str]) -> tuple[list[Part], tu
         if scene.missing:
             names = list(dict.fromkeys(scene.missing))
             said.append(f"left out, as missing or unreadable: {len(names)} files or shapes ({', '.join(names[:3])}"
-                        f"{', ...' if len(names) > 3 else ''})")
+                        f"{', ...' if len(names) > 3 else ''}){fetched(names)}")
         if scene.robots:
             said.append(f"left out, as robots: {', '.join(scene.robots)}")
         return scene.parts, tuple(scene.people), True

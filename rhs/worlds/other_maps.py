@@ -29,6 +29,7 @@ ADVICE = {
     ".wbt": f"a world of Webots: {_MESH}, or write it as .sdf", ".zip": "an archive: unpack it first",
     ".json": f"a plan in numbers: draw it, {_PLAN}", ".ttt": f"a scene of CoppeliaSim: {_MESH}",
     ".mtl": "colours of a mesh: name its .obj", ".proto": f"a part of Webots: {_MESH}",
+    **dict.fromkeys((".erb", ".em", ".jinja"), "a recipe of a file: expand it first: erb {file} > NAME.world"),
     ".inc": "a part of a Stage world: name the picture in it (bitmap) as a plan",
 }
 ADVICE[".ot"], ADVICE[".usda"] = ADVICE[".bt"], ADVICE[".usd"]

@@ -20,7 +20,7 @@ import numpy as np
 from rhs.api.floorplan import Person
 from rhs.base.errors import ConfigError
 
-from .gazebo import as_saved, downloaded, installed, is_robot, person_of
+from .gazebo import as_saved, downloaded, fetched, installed, is_robot, person_of
 from .mesh_files import Y_UP, MeshFile, check_readable, check_xml, read_mesh
 from .other_maps import stage_advice
 from .sdf_poses import DEEPEST, HOW_XACRO, frame_in, numbers_in, placed_at, pose_of, poses_in, values_of
@@ -64,7 +64,7 @@ def read_scene(path: Path) -> Scene:
     else:
         raise ConfigError(f"{path}: the file begins with <{str(root.tag)[:40]}>; expected <sdf> or <robot>")
     if not scene.parts:
-        left_out = f"; missing: {scene.missing[0]}" if scene.missing else ""
+        left_out = f"; missing: {scene.missing[0]}{fetched(scene.missing)}" if scene.missing else ""
         if "ros.org/wiki/xacro" in path.read_text("utf-8", "replace"):
             raise ConfigError(f"{path}: {HOW_XACRO.format(file=path.name)}")
         raise ConfigError(f"{path}: nothing to see in this file{left_out}")

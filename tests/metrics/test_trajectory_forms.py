@@ -9,7 +9,7 @@ from rhs.api.geometry import BODY_FROM_OPTICAL, inverse, quaternion_xyzw, se2, s
 from rhs.api.trajectory import Trajectory, in_tum_order, read_tum, write_tum
 from rhs.base.commands import LONGEST
 from rhs.base.errors import ConfigError, RecordingError
-from rhs.metrics.evaluate import evaluate_pair, pair_fault
+from rhs.metrics.evaluate import evaluate_pair, folder_fault, pair_fault
 from rhs.metrics.trajectory_forms import read_trajectory
 
 WAY = Trajectory(np.arange(6.0), np.array([se2(0.5 * k, 0.1 * k * k, 0.1 * k) for k in range(6)]))
@@ -223,6 +223,18 @@ def test_images_of_colmap_are_poses_of_the_camera_at_the_numbers_in_their_names(
     np.testing.assert_allclose(read.stamps_s, stamps, atol=1e-5)
 
 
+def test_a_truth_in_another_frame_than_the_map_is_said_to_be(tmp_path):
+    """A robot that found itself was called wrong and sure in 99 % of the views."""
+    way = turning_way()
+    flat = Trajectory(way.stamps_s, np.array([se2(*pose[:2, 3], np.arctan2(pose[1, 0], pose[0, 0])) for pose in way.poses]))
+    write_tum(tmp_path / "localised.tum", flat)
+    moved_by = "moved by (-1.50, 2.00) m and turned by -17 degrees"
+    for name, moved, said in (("other", se2(1.5, -2.0, 0.3) @ flat.poses, moved_by), ("same", flat.poses, ""),
+                              ("lost", flat.poses[::-1], "")):
+        write_tum(tmp_path / "truth_localised.tum", Trajectory(flat.stamps_s, moved))
+        assert said in folder_fault(tmp_path) and bool(folder_fault(tmp_path)) == bool(said), name
+
+
 def test_images_of_colmap_without_numbers_are_refused(tmp_path):
     (tmp_path / "images.txt").write_text(colmap(WAY, ["front.jpg"] * 6))
     with pytest.raises(RecordingError, match="no image of COLMAP with a number in its name"):
@@ -250,3 +262,41 @@ def test_a_heading_of_more_than_a_turn_whose_unit_nobody_says_is_refused(tmp_pat
     (tmp_path / "way.csv").write_text("time,x,y,yaw\n0,0,0,0\n1,1,0,90.0\n")
     with pytest.raises(RecordingError, match=r"\w:3: the heading 90\.0 is more than a turn.*yaw_deg or yaw_rad"):
         read_trajectory(tmp_path / "way.csv")
+
+
+@pytest.mark.parametrize(("header", "unit"), [("timestamp,x,y,z,roll,pitch,yaw", 1.0),
+                                              ("t;pos.x;pos.y;pos.z;roll_deg;pitch_deg;yaw_deg", np.pi / 180)])
+def test_a_table_of_places_and_three_angles_turns_about_fixed_axes_roll_first(tmp_path, header, unit):
+    """Rolled by a quarter of a turn and then turned left by one: the robot's left points up, its top along x."""
+    comma = ";" if ";" in header else ","
+    row = comma.join(f"{v:.9f}" for v in (1.0, 2.0, 3.0, 4.0, 0.5 * np.pi / unit, 0.0, 0.5 * np.pi / unit))
+    (tmp_path / "way.csv").write_text(f"{header}\n{row}\n")
+    way = read_trajectory(tmp_path / "way.csv")
+    np.testing.assert_allclose(way.poses[0], [[0, 0, 1, 2], [1, 0, 0, 3], [0, 1, 0, 4], [0, 0, 0, 1]], atol=1e-6)
+
+
+@pytest.mark.parametrize(("header", "lost"), [("", " nan nan nan nan nan nan nan"), ("t,x,y,z,qx,qy,qz,qw\n", ",,,,,,,")])
+def test_a_moment_without_a_pose_is_left_out(tmp_path, header, lost):
+    rows = tum(WAY).splitlines()
+    rows[3] = f"3{lost}"
+    (tmp_path / "way.txt").write_text(header + "\n".join(row if lost in row else row.replace(" ", "," if header else " ")
+                                                        for row in rows))
+    assert read_trajectory(tmp_path / "way.txt").stamps_s.tolist() == [0, 1, 2, 4, 5]
+
+
+def test_commas_beside_semicolons_are_those_of_decimals(tmp_path):
+    (tmp_path / "way.csv").write_text("time;x;y;z;qx;qy;qz;qw\n" + tum(WAY).replace(" ", ";").replace(".", ","))
+    np.testing.assert_allclose(read_trajectory(tmp_path / "way.csv").poses, WAY.poses, atol=1e-6)
+
+
+@pytest.mark.parametrize(("times", "said"), [(1000.0, "1000 times as large as the other: in millimetres?"), (1.0, ""),
+                                             (0.01, "the estimate is 100 times as large as the other: in centimetres?"),
+                                             (7.0, "")])
+def test_a_truth_in_another_unit_is_said_to_be_in_it(tmp_path, times, said):
+    """An ATE of 2407 m was printed without a word."""
+    scaled = WAY.poses.copy()
+    scaled[:, :3, 3] *= times
+    (tmp_path / "way.tum").write_text(tum(WAY))
+    (tmp_path / "truth.tum").write_text(tum(Trajectory(WAY.stamps_s, scaled)))
+    fault = pair_fault(tmp_path / "way.tum", tmp_path / "truth.tum")
+    assert said in fault and bool(fault) == bool(said)

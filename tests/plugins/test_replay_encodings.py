@@ -12,6 +12,7 @@ import pytest
 from rhs.api.errors import ConfigError
 from rhs_sources.bags.messages import color_of, depth_of
 from rhs_sources.bags.rvl import unpacked_rvl
+from rhs_sources.replay_images import UnreadableImage
 
 
 def packed(depth):
@@ -56,6 +57,28 @@ def test_two_pixels_that_share_their_colour_are_red_and_half_as_bright(encoding,
     np.testing.assert_allclose(color_of(message, "/image")[0], [[255, 0, 0], [221, 0, 0]], atol=3)
     message.width = 1
     with pytest.raises(ConfigError, match="expected an even number"):
+        color_of(message, "/image")
+
+
+@pytest.mark.parametrize(("encoding", "order"), [("nv12", (90, 240)), ("nv21", (240, 90))])
+def test_four_pixels_that_share_their_colour_are_red_and_a_cut_image_is_lost(encoding, order):
+    """Rows of brightness that end in padding, then one of colour, U and V by turns or V and U."""
+    rows = np.array([[81, 52, 0], [81, 81, 0], [*order, 0]], np.uint8)
+    message = SimpleNamespace(encoding=encoding, height=2, width=2, step=3, is_bigendian=0, data=rows.ravel())
+    np.testing.assert_allclose(color_of(message, "/image"), [[[255, 0, 0], [221, 0, 0]], [[255, 0, 0]] * 2], atol=3)
+    message.data = message.data[:6]
+    with pytest.raises(UnreadableImage, match="half as much again"):
+        color_of(message, "/image")
+
+
+@pytest.mark.parametrize(("encoding", "wanted"), [("rgb16", [200, 100, 50]), ("bgr16", [50, 100, 200])])
+def test_of_16_bits_a_colour_the_upper_8_are_kept_and_of_one_channel_nobody_knows_which(encoding, wanted):
+    pixels = (np.array([[[200, 100, 50]]], np.uint16) << 8) + 255
+    message = SimpleNamespace(encoding=encoding, height=1, width=1, step=6, is_bigendian=0,
+                              data=pixels.view(np.uint8).ravel())
+    assert color_of(message, "/image").tolist() == [[wanted]]
+    message.encoding = "mono16"
+    with pytest.raises(ConfigError, match="mono16.*republish"):
         color_of(message, "/image")
 
 

@@ -73,6 +73,24 @@ def test_a_scanners_info_says_what_a_step_of_depth_is(tmp_path, scale, metres, n
     assert float(views(tmp_path, depth_scale=500.0)[0][0].depth[0, 0]) == pytest.approx(4.0)  # what is typed wins
 
 
+def test_depth_of_another_size_is_carried_to_colour_by_the_numbers_of_a_scanners_info(tmp_path):
+    """3RScan, ScanNet's SensReader: it was refused. Half as many pixels of the same angle: a wall stays a wall."""
+    for k in range(2):
+        image(tmp_path / f"frame-{k:06d}.color.jpg")
+        image(tmp_path / f"frame-{k:06d}.depth.pgm", np.full((HEIGHT // 2, WIDTH // 4), 2000, np.uint16))
+    with pytest.raises(ConfigError, match=r"colour is 64x48 but depth is 16x24.*type source\.depth_camera="):
+        views(tmp_path, camera=CAMERA)
+    assert np.isfinite(views(tmp_path, camera=CAMERA, depth_camera=[12.5, 25.0, 7.5, 11.5])[0][0].depth).mean() > 0.9
+    here = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
+    (tmp_path / "_info.txt").write_text(
+        f"m_colorWidth = {WIDTH}\nm_colorHeight = {HEIGHT}\nm_depthWidth = {WIDTH // 4}\nm_depthHeight = {HEIGHT // 2}\n"
+        "m_depthShift = 1000\nm_calibrationColorIntrinsic = 50 0 31.5 0 0 50 23.5 0 0 0 1 0 0 0 0 1\n"
+        "m_calibrationDepthIntrinsic = 12.5 0 7.5 0 0 25 11.5 0 0 0 1 0 0 0 0 1\n"
+        f"m_calibrationColorExtrinsic = {here}\nm_calibrationDepthExtrinsic = {here}\n")
+    depth = views(tmp_path)[0][0].depth
+    assert depth.shape == (HEIGHT, WIDTH) and np.isfinite(depth).mean() > 0.9 and np.nanmax(np.abs(depth - 2.0)) < 1e-6
+
+
 def test_of_the_intrinsics_of_colour_and_depth_those_of_colour_count(tmp_path):
     for k in range(2):
         image(tmp_path / f"color/{100 * k:06d}.jpg")

@@ -145,7 +145,8 @@ def test_a_scanner_that_names_no_end_of_its_range_is_read(tmp_path, end):
 
 @pytest.mark.parametrize("ranges, changes, words", [
     ([2.0] * 9, {"angle_increment": 0.0}, "0 rad apart"),
-    ([2.0] * 181, {"angle_increment": 1.0}, "in radians"), ([2000.0] * 9, {"range_max": 3e4}, "2000 m typically")])
+    ([2.0] * 181, {"angle_increment": 1.0}, "in radians"), ([200.0] * 9, {"range_max": 3e3}, "in centimetres"),
+    ([2000.0] * 9, {"range_max": 3e4}, "typical reading is 2000")])
 def test_scans_in_degrees_or_millimetres_are_refused(tmp_path, ranges, changes, words):
     with pytest.raises(ConfigError, match=words):
         next(opened(bag(tmp_path, scans(ranges, **changes))).views)

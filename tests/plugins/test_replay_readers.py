@@ -145,9 +145,13 @@ OPEN3D = json.dumps({"width": 64, "height": 48, "intrinsic_matrix": [50.0, 0, 0,
     ("intrinsics.txt", "50 0 31.5\n0 51 23.5\n0 0 1\n", ()),
     ("intrinsics.txt", "50 51 31.5 23.5 0.1 0 0 0.02 0\n", (0.1, 0.0, 0.0, 0.02, 0.0)),
     ("intrinsics.txt", "50 0 31.5 0\n0 51 23.5 0\n0 0 1 0\n0 0 0 1\n", ()),
+    ("cameras.txt", "# COLMAP\n1 OPENCV 64 48 50 51 32 24 0.1 0 0 0.02\n", (0.1, 0.0, 0.0, 0.02, 0.0)),
+    ("sparse/0/cameras.txt", "1 PINHOLE 64 48 50 51 32 24\n", ()),
+    ("lowres_wide_intrinsics/41_6855.104.pincam", "64 48 50 51 31.5 23.5\n", ()),
 ])
 def test_intrinsics_beside_the_images_are_the_camera(tmp_path, name, text, lens):
     images(tmp_path / "rgb", ["1.png", "2.png"])
+    (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / name).write_text(text)
     source, _ = views(tmp_path)
     assert (source.camera.fx, source.camera.fy, source.camera.cx, source.camera.cy) == (50.0, 51.0, 31.5, 23.5)
@@ -165,6 +169,8 @@ def test_intrinsics_beside_the_images_are_the_camera(tmp_path, name, text, lens)
     ("camera_info.yaml", ROS_INFO.replace("plumb_bob", "mei"), "distortion_model is mei"),
     ("camera_info.yaml", ROS_INFO.replace("image_width: 64", "image_width: 640"), "images in"),
     ("camera_info.yaml", "a: [", "cannot be read as a camera's intrinsics"),
+    ("cameras.txt", "1 THIN_PRISM_FISHEYE 64 48 50 51 32 24 0 0 0 0 0 0 0 0\n", "the first THIN_PRISM_FISHEYE"),
+    ("cameras.txt", "1 PINHOLE 64 48 50 51 32 24\n2 PINHOLE 64 48 50 51 32 24\n", "found 2 cameras"),
 ])
 def test_broken_intrinsics_are_refused_in_one_line(tmp_path, name, text, words):
     images(tmp_path / "rgb", ["1.png", "2.png"])

@@ -20,7 +20,8 @@ from rhs_sources.unread import FILES, of_file
     ("lcmlog-2012-06-15.00", "convert it to a ROS bag"), ("a.laz", "write .pcd or .ply"),
     ("000000.npy", "astype('float32')"), ("scans.csv", "FLASER N ranges"), ("intel.gfs", "the CARMEN log"),
     ("aces.relations", "source.relations=aces.relations"), ("a.rawlog", "CARMEN log"),
-    ("a.bag.active", "rosbag reindex a.bag.active"),
+    ("a.bag.active", "rosbag reindex a.bag.active"), ("IMG_1.HEIC", "mogrify"), ("SCAN1.mat", "of MATLAB"),
+    ("a.tfrecord", "of TensorFlow"), ("1.feather", "float32 x, y, z as .bin"),
 ])
 def test_a_file_of_another_form_says_what_makes_it_one_that_is_read(tmp_path, name, said):
     (tmp_path / name).write_bytes(b"\0" * 100)
@@ -42,6 +43,7 @@ def test_a_table_beside_a_recording_hides_none(tmp_path):
 @pytest.mark.parametrize(("profile", "kind", "said"), [
     ("", "protobuf", "messages in protobuf; expected those of ROS (cdr): record them by ros2 bag"), ("", "json", "in json"),
     ("ros1", "ros1", "give the .bag that it was made of"),
+    ("px4", "cdr", "the profile 'px4' in MCAP; expected ros2: play it (ros2 bag play a.mcap)"),
 ])
 def test_an_mcap_of_other_messages_says_so(tmp_path, profile, kind, said):
     from mcap.writer import Writer

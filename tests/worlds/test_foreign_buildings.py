@@ -126,11 +126,16 @@ def test_urdf_links_hang_on_their_joints(tmp_path):
     assert_room(load_world(path), at_m=(4.0, 1.0))
 
 
-def test_pictures_of_an_obj_are_kept_and_repeat(tmp_path):
+@pytest.mark.parametrize("folder", [".", "textures", "../textures"])
+def test_pictures_of_an_obj_are_kept_and_repeat(tmp_path, folder):
+    """Also where the file names them by the path of another machine."""
     from PIL import Image
 
-    Image.fromarray(np.tile(np.array([[[255, 0, 0], [0, 0, 255]]], np.uint8), (2, 1, 1))).save(tmp_path / "two.png")
-    write(tmp_path / "room.mtl", "newmtl two\nmap_Kd two.png\n")
+    (tmp_path / "house" / folder).mkdir(parents=True)
+    tmp_path = tmp_path / "house"
+    two = np.tile(np.array([[[255, 0, 0], [0, 0, 255]]], np.uint8), (2, 1, 1))
+    Image.fromarray(two).save(tmp_path / folder / "two.png")
+    write(tmp_path / "room.mtl", "newmtl two\nmap_Kd C:\\house\\two.png\n")
     lines = ["mtllib room.mtl", "usemtl two"]
     for size, at in BOXES.values():
         for triangle in box(np.array(size)).corners_m + np.array(at):

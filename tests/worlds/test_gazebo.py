@@ -126,4 +126,4 @@ def test_models_are_found_where_gazebo_keeps_them(tmp_path, monkeypatch, caplog)
     assert distance_m(world, np.array([-1.5, 0.0]))[0] == pytest.approx(0.3)
     assert distance_m(world, np.array([2.0, 1.0]))[0] == pytest.approx(0.8)
     assert distance_m(world, np.array([0.5, 0.0]))[0] == pytest.approx(0.5)  # version 10 is 2 m wide
-    assert f"missing or unreadable: 1 files or shapes ({fuel}/Me/models/Nowhere)" in caplog.text
+    assert f"missing or unreadable: 1 files or shapes ({fuel}/Me/models/Nowhere); type: gz fuel download" in caplog.text

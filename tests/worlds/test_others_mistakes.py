@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from pathlib import Path
 
@@ -124,6 +125,25 @@ def test_a_photograph_is_said_to_be_one(tmp_path, caplog):
     shade = np.linspace(0.5, 1.0, 204)[None]
     load_world(plan(tmp_path, (drawn() * shade).astype(np.uint8)))
     assert "a photograph?" in caplog.text
+
+
+@pytest.mark.parametrize("colour", [(120, 170, 240), (178, 178, 178)])
+def test_a_coloured_room_that_is_left_out_is_said_to_be_and_read_by_what_is_said(tmp_path, caplog, colour):
+    """69 % bright: neither wall nor floor. The larger of two rooms was missing, without a word."""
+    image = cv2.cvtColor(drawn(), cv2.COLOR_GRAY2BGR)
+    image[22:102, 22:122] = np.where(image[22:102, 22:122] == 255, colour, image[22:102, 22:122])
+    assert np.ptp(load_world(plan(tmp_path, image)).bounds_m[::2]) < 4.0
+    said = re.search(r"coloured rooms\? write (free_thresh: [\d.]+)", caplog.text)
+    assert said is not None
+    caplog.clear()
+    assert np.ptp(load_world(plan(tmp_path, image, f"{said[1]}\n")).bounds_m[::2]) == pytest.approx(8.0, abs=0.06)
+    assert caplog.text == ""
+
+
+def test_coloured_walls_are_no_rooms(tmp_path, caplog):
+    image = cv2.cvtColor(drawn(), cv2.COLOR_GRAY2BGR)
+    image[drawn() == 0] = (0, 255, 255)
+    assert np.ptp(load_world(plan(tmp_path, image)).bounds_m[::2]) == pytest.approx(8.0, abs=0.06) and caplog.text == ""
 
 
 def test_a_map_on_a_large_grey_sheet_is_where_its_origin_says(tmp_path):
@@ -290,6 +310,9 @@ def test_a_gltf_whose_points_are_packed_says_what_to_do(tmp_path, kind, change, 
     ("a.las", "x", "make a mesh of it"), ("a.navmesh", "x", "name the scene's .glb"), ("a.json", "{}", "draw it"),
     ("a.scene_instance.json", "{}", "a scene of Habitat: name its stage's mesh"), ("a.mtl", "x", "name its .obj"),
     ("a.building.yaml", "name: o\nlevels: {}\n", "building_map_generator gazebo"), ("a.zip", "x", "unpack it first"),
+    ("a.world.erb", "<%= 1 %>", "erb a.world.erb > NAME.world"),
+    ("a.sdf", "<sdf version='1.6'><include><uri>https://fuel.gazebosim.org/1.0/O/models/Room</uri></include></sdf>",
+     "type: gz fuel download -u https://fuel.gazebosim.org/1.0/O/models/Room"),
     ("a.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
      "0 0 0\n", "make faces of them"),
 ])

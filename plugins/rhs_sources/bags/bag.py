@@ -15,7 +15,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
 
-from ..carmen.log import NO_CAMERA, end_of_range
+from ..carmen.log import NO_CAMERA, check_unit, end_of_range
 from ..folders.clouds import check_solid
 from ..replay_cameras import chosen_camera
 from ..replay_images import UnreadableImage, check_depth, check_pair
@@ -152,10 +152,13 @@ class Placed:
 def _most_m(reader, topic: str) -> float:
     """The largest reading of a laser, if that stands for nothing and is nearly its range_max: metres, else inf."""
     scans = [message for _, _, message in islice(ros.stamped(reader, {topic}), LOOKED_AT)]
-    for scan in scans[:1]:
-        ros.say_angles(scan, topic)
     ranges = [ros.ranges_of(one) for one in scans]
-    end_m = end_of_range([one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)])
+    if scans:
+        ros.say_angles(scans[0], topic)
+        ros.say_readings(ranges, float(scans[0].range_min), topic)
+    within = [one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)]
+    check_unit(within, topic)
+    end_m = end_of_range(within)
     return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
 
 
@@ -229,7 +232,8 @@ def _transforms(reader, sensor: str) -> Iterator:
         for _, _, message in ros.messages(reader, [c for c in reader.connections if c.topic == topic]):
             for t in message.transforms:
                 child, parent = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
-                yield child, parent, ros.pose_of(t, topic), static
+                if (pose := ros.pose_of(t, topic)) is not None:
+                    yield child, parent, pose, static
 
 
 def _frame(reader, topic: str, *, moved: bool = False) -> str:
@@ -267,11 +271,21 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             counts["jump"] += 1
         last[topic] = stamp
         if topic == topics.wheel:
-            yield from ((None, reading) for reading in wheel_readings(message, stamp, topics, topic))
+            readings = [(None, reading) for reading in wheel_readings(message, stamp, topics, topic)]
+            if not readings:
+                counts["no_pose"] += 1
+            yield from readings
         elif topic == topics.scan and len(message.ranges) == 0:
             counts["empty"] += 1
         elif topic == topics.scan == topics.sees:
-            yield Capture(0, stamp, scan=ros.scan_of(message, topic, placed.most_m), sensed=True), None
+            try:
+                scan = ros.scan_of(message, topic, placed.most_m)
+            except ConfigError as error:
+                if scan is None:
+                    raise
+                _lose(error, counts, lost)
+                continue
+            yield Capture(0, stamp, scan=scan, sensed=True), None
         elif topic == topics.scan:
             scan = mounted(ros.scan_of(message, topic, placed.most_m), placed.scan, topic)
         elif topic == topics.around:
@@ -281,11 +295,16 @@ def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], cou
             for pair in _paired(waiting, topics, settings, counts):
                 try:
                     seen = _seen(pair, topics, settings, seen_by, scan)
-                except UnreadableImage as error:
-                    counts[UNREADABLE] += 1
-                    lost[:1] = [f"{counts[UNREADABLE]} views cannot be read, the last: {error}"]
+                except ConfigError as error:  # the first images were read before
+                    _lose(error, counts, lost)
                     continue
                 yield seen, None
+
+
+def _lose(error: ConfigError, counts: Counter, lost: list[str]) -> None:
+    """A view that cannot be read is left out, and that is said."""
+    counts[UNREADABLE] += 1
+    lost[:1] = [f"{counts[UNREADABLE]} views cannot be read, the last: {error}"]
 
 
 def _as_far_as_it_goes(messages: Iterator, lost: list[str]) -> Iterator:

@@ -22,7 +22,7 @@ def _parts(folder: Path) -> list[Path]:
     """The files of a bag in a folder without metadata.yaml: a lone one, or those that were split (walk_0.bag, walk_1.bag;
     ROS 1 puts the time of each before its number)."""
     for ending in ("mcap", "bag"):
-        files = list(folder.glob(f"*.{ending}"))
+        files = list(folder.glob(f"[!.]*.{ending}"))
         if len(files) == 1:
             return files
         split = sorted((int(part[2]), SPLIT_TIME.sub("", part[1]), file) for file in files
@@ -78,6 +78,9 @@ def _other_messages(file: Path) -> str:
     kinds = sorted({c.message_encoding for c in summary.channels.values()})
     if profile == "ros1" or "ros1" in kinds:
         return "found messages of ROS 1 in MCAP; give the .bag that it was made of"
+    if kinds == ["cdr"] and profile != "ros2":
+        return (f"found the profile {profile!r} in MCAP; expected ros2: play it (ros2 bag play {file.name}) and record that "
+                "(ros2 bag record -a -s mcap)")
     if not kinds or kinds == ["cdr"]:
         return ""
     schemas = sorted({schema.name for schema in summary.schemas.values()})

@@ -24,16 +24,20 @@ from .rvl import unpacked_rvl
 
 log = logging.getLogger("rhs.replay")
 COLOR = {"rgb8": (3, None), "bgr8": (3, (2, 1, 0)), "8UC3": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
-         "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0))}
+         "bgra8": (4, (2, 1, 0)), "8UC4": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0)),
+         "rgb16": (3, None), "bgr16": (3, (2, 1, 0))}
 BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_gbrg8": "BayerGBRG2RGB",
          "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
 YUV = {"yuv422": "YUV2RGB_UYVY", "uyvy": "YUV2RGB_UYVY", "yuv422_yuy2": "YUV2RGB_YUY2", "yuyv": "YUV2RGB_YUY2"}  # of webcams
+PLANES = {"nv12": "YUV2RGB_NV12", "nv21": "YUV2RGB_NV21"}  # brightness, then colours of two by two pixels (Isaac ROS)
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 FEW, SAME = 10, 0.34  # messages; share of them with stamps of their own from which on stamps are believed
 LOOKED_AT, NEAR_S = 100, 60.0  # messages of a topic for its first stamp; it is of a clock that began at zero
 MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled ends add
 OFF = 0.05  # of what a scan covers, by which its end may be off
 FURTHEST_M = 500.0  # that lasers which look round see
+UNIT = 0.05  # a quaternion may be so much longer or shorter than 1
+LEAST_PX = 2.0  # of a focal length; shares of the image (0.8) are none
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **FLOATS}
 
@@ -124,12 +128,30 @@ def color_of(message, topic: str) -> np.ndarray:
         if int(message.width) % 2:
             raise ConfigError(f"{topic}: {message.encoding} images are {message.width} pixels wide; expected an even number")
         return cv2.cvtColor(_rows(message, np.dtype("u1"), 2, topic), getattr(cv2, f"COLOR_{YUV[message.encoding]}"))
+    if message.encoding in PLANES:
+        return _of_planes(message, topic)
     if message.encoding not in COLOR:
-        known = ", ".join((*COLOR, *BAYER, *YUV))
-        raise ConfigError(f"{topic}: images are {message.encoding}; expected one of {known}")
+        known = ", ".join((*COLOR, *BAYER, *YUV, *PLANES))
+        raise ConfigError(f"{topic}: images are {message.encoding or 'of no encoding'}; expected one of {known}; republish "
+                          "them as one of these (cv_bridge) and record that")
     channels, order = COLOR[message.encoding]
-    image = _rows(message, np.dtype("u1"), channels, topic)
+    wide = message.encoding.endswith("16")
+    image = _rows(message, np.dtype("u2" if wide else "u1"), channels, topic)
+    image = (image >> 8).astype(np.uint8) if wide else image
     return np.ascontiguousarray(image if order is None else image[:, :, list(order)])
+
+
+def _of_planes(message, topic: str) -> np.ndarray:
+    """(H, W, 3) uint8 RGB of an image whose rows of brightness are followed by half as many rows of colour."""
+    import cv2
+
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    held, needed = np.asarray(message.data, np.uint8), step * height * 3 // 2
+    if height % 2 or width % 2 or not 0 < height * width <= MOST_PIXELS or step < width or len(held) < needed:
+        raise UnreadableImage(f"{topic}: an image says {width}x{height}, {message.encoding}, {step} bytes a row, but holds "
+                              f"{len(held)} bytes; expected even sizes and half as much again")
+    rows = np.ascontiguousarray(held[:needed].reshape(-1, step)[:, :width])
+    return cv2.cvtColor(rows, getattr(cv2, f"COLOR_{PLANES[message.encoding]}"))
 
 
 def _of_mosaic(mosaic: np.ndarray, encoding: str) -> np.ndarray:
@@ -157,11 +179,11 @@ def usual_scale(message) -> float:
 
 
 def camera_of(message, *, rectified: bool = False) -> Camera | None:
-    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero). rectified: of images whose lens
-    has been undone, whose camera is P (sensor_msgs/CameraInfo)."""
+    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero, or in no pixels). rectified: of
+    images whose lens has been undone, whose camera is P (sensor_msgs/CameraInfo)."""
     k = np.asarray(message.K if hasattr(message, "K") else message.k, float).reshape(3, 3)
     d = tuple(float(v) for v in (message.D if hasattr(message, "D") else message.d))
-    if not np.all(np.isfinite(k)) or k[0, 0] <= 0 or k[1, 1] <= 0:
+    if not np.all(np.isfinite(k)) or min(k[0, 0], k[1, 1]) < LEAST_PX:
         return None
     p = np.asarray(message.P if hasattr(message, "P") else message.p, float).reshape(3, 4)
     if rectified and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
@@ -197,9 +219,6 @@ def scan_of(message, topic: str, most_m: float = np.inf) -> Scan:
         raise ConfigError(f"{topic}: a scan of {len(ranges)} ranges, {message.angle_increment:g} rad apart; expected them "
                           "over at most a turn, in radians")
     known = np.where((ranges > 0.0) & ~(ranges < message.range_min), ranges, np.nan)  # 0: many drivers' word for nothing
-    seen = known[np.isfinite(known)]
-    if len(seen) and np.median(seen) > FURTHEST_M:
-        raise ConfigError(f"{topic}: ranges are {np.median(seen):.4g} m typically; expected metres")
     if message.angle_increment < 0.0:  # of a scanner whose beams go the other way round
         bearings, known = bearings[::-1], known[::-1]
     # A wall just there is less likely than none, as drivers clip; pointcloud_to_laserscan writes the largest float there is.
@@ -216,6 +235,17 @@ def say_angles(message, topic: str) -> None:
                     "believed, and if it is wrong so is the map", topic, beams, step, ends, said)
 
 
+def say_readings(ranges_m: list[np.ndarray], least_m: float, topic: str) -> None:
+    """Says so where scans (N,) hold nothing that was measured, or nothing as far as their range_min (least_m)."""
+    found = np.concatenate([one[np.isfinite(one) & (one > 0.0)] for one in ranges_m])
+    if not len(found):
+        log.warning("%s: of its first %d scans no beam met anything (all inf, NaN or 0)", topic, len(ranges_m))
+    elif found.max() < least_m:
+        log.warning("%s: all readings of its first %d scans (%.2f to %.2f m) are nearer than its range_min, %g m, and so "
+                    "unknown: its driver's range_min is wrong; write it right in the bag", topic, len(ranges_m), found.min(),
+                    found.max(), least_m)
+
+
 def ranges_of(message) -> np.ndarray:
     """(N,) metres of a LaserScan; of a MultiEchoLaserScan the first echo of each beam, which drivers make the nearest;
     NaN where it has none, as laser_proc has it."""
@@ -224,20 +254,23 @@ def ranges_of(message) -> np.ndarray:
     return np.asarray(message.ranges, float)
 
 
-def pose_of(message, topic: str) -> np.ndarray:
-    """4x4 pose of an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped."""
+def pose_of(message, topic: str) -> np.ndarray | None:
+    """4x4 pose of an Odometry, PoseStamped, PoseWithCovarianceStamped or TransformStamped; None where it holds NaN or a
+    quaternion of zeros, as of what was lost, or has not begun (tf2 ignores such). Raises ConfigError for numbers that are no
+    quaternion, as of a heading written into one."""
     if hasattr(message, "transform"):
         place, turn = message.transform.translation, message.transform.rotation
     else:
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
         place, turn = pose.position, pose.orientation
-    position = np.array([place.x, place.y, place.z])
-    if not np.all(np.isfinite(position)):
-        raise ConfigError(f"{topic}: a position holds NaN or infinity; expected finite metres")
-    try:
-        return se3(rotation_of_quaternion(np.array([turn.x, turn.y, turn.z, turn.w])), position)
-    except ValueError as error:
-        raise ConfigError(f"{topic}: {error}") from None
+    position, quaternion = np.array([place.x, place.y, place.z]), np.array([turn.x, turn.y, turn.z, turn.w])
+    length = float(np.linalg.norm(quaternion))
+    if not np.isfinite([*position, length]).all() or length == 0.0:
+        return None
+    if abs(length - 1.0) > UNIT:
+        raise ConfigError(f"{topic}: quaternion {quaternion.tolist()} is {length:.3g} long; expected a unit quaternion (a "
+                          "heading is written as z = sin(yaw / 2), w = cos(yaw / 2))")
+    return se3(rotation_of_quaternion(quaternion), position)
 
 
 def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,

@@ -49,7 +49,8 @@ def read_truth(reader, found: dict[str, str], settings, *, sees: tuple[str, str]
             kind = f"{topic} holds {found[topic].rsplit('/', 1)[-1]}" if topic in found else f"no topic {topic}"
             raise ConfigError(f"{settings.path}: {kind}; found {', '.join(known) or 'no topic'} with true poses "
                               f"({', '.join(POSES)})")
-        poses = [(stamp, ros.pose_of(message, topic)) for _, stamp, message in ros.stamped(reader, [topic])]
+        poses = [(stamp, pose) for _, stamp, message in ros.stamped(reader, [topic])
+                 if (pose := ros.pose_of(message, topic)) is not None]
         return BagTruth((_track(poses, settings),), np.eye(4))
     if settings.truth_frame:
         return BagTruth(_from_tf(reader, settings, *sees),
@@ -80,7 +81,8 @@ def _from_tf(reader, settings, sensor: str, frame: str) -> tuple[Truth, ...]:
         for _, arrived_s, message in ros.stamped(reader, [topic]):
             for t in message.transforms:
                 link = t.child_frame_id.strip("/"), t.header.frame_id.strip("/")
-                links.setdefault(link, []).append((ros.stamp_of(t) or arrived_s, ros.pose_of(t, topic)))
+                if (pose := ros.pose_of(t, topic)) is not None:
+                    links.setdefault(link, []).append((ros.stamp_of(t) or arrived_s, pose))
                 if static:
                     fixed.add(link)
     wanted = settings.truth_frame.strip("/")

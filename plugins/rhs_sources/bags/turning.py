@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.records import Capture, Scan
 from rhs.estimation.scans.planar_poses import between
@@ -79,8 +81,11 @@ class Turning:
 def turning_in(reader, topics, mount: np.ndarray | None, most_m: float) -> Turning:
     """How the beams of a bag's laser go round, by its first scans that come beside wheels; said where they do."""
     found, wheels = first_with_wheels(reader, topics.scan, topics, LOOKED_AT)
-    scans = [(stamp, float(message.time_increment), ros.scan_of(message, topics.scan, most_m)) for stamp, message in found
-             if len(message.ranges) > LEAST_BEAMS]
+    scans = []
+    for stamp, message in found:
+        with suppress(ConfigError):  # said where the views are read
+            if len(message.ranges) > LEAST_BEAMS:
+                scans.append((stamp, float(message.time_increment), ros.scan_of(message, topics.scan, most_m)))
     turning = replace(turning_of(scans, readings(wheels), mount), topic=topics.scan)
     if turning.span_s:
         log.warning("%s: a scan takes %.0f ms, in which the robot turns: scans are put right by the wheels "

@@ -18,6 +18,7 @@ log = logging.getLogger("rhs.replay")
 SAME_CLOCK_S = 1.0  # a view that is older than all wheels by less was taken as they began
 LATE = 20  # views that wait for a reading of the wheels
 KEPT = 100  # readings
+ODOMS = ("odom", "odom_combined")  # REP 105; robot_pose_ekf's (PR2)
 Made = Callable[[Capture, Sequence[tuple[float, np.ndarray]]], Capture]
 
 
@@ -25,7 +26,7 @@ def odometry_in_tf(moving: dict[str, str], truth_frame: str) -> tuple[str, str] 
     """(parent, child) of the link that a robot's odometry moves, said once; None where there is none, or it is the truth.
     moving: child -> parent of the links that move."""
     found = [(parent, child) for child, parent in sorted(moving.items(), reverse=True)  # base_link before base_footprint
-             if parent.split("/")[-1] == "odom" and child.split("/")[-1].startswith("base")]
+             if parent.split("/")[-1] in ODOMS and child.split("/")[-1].startswith("base")]
     found = [link for link in found if link[0] != truth_frame.strip("/")]
     if not found:
         return None
@@ -38,15 +39,17 @@ def readings_in_tf(message, link: tuple[str, str], topic: str) -> Iterator[tuple
     """(stamp, 4x4 parent_from_child) of a link in a message of tf."""
     for one in message.transforms:
         if (one.header.frame_id.strip("/"), one.child_frame_id.strip("/")) == link:
-            yield ros.stamp_of(one), ros.pose_of(one, topic)
+            if (pose := ros.pose_of(one, topic)) is not None:
+                yield ros.stamp_of(one), pose
 
 
 def wheel_readings(message, stamp_s: float, topics, topic: str) -> Iterator[tuple[float, np.ndarray]]:
-    """(stamp, 4x4 pose) of the wheels in a message of their topic, or of tf where that has them."""
+    """(stamp, 4x4 pose) of the wheels in a message of their topic, or of tf where that has them; nothing of one
+    without a pose."""
     if topic == topics.tf:
         yield from readings_in_tf(message, topics.odometry, topic)
-    else:
-        yield stamp_s, ros.pose_of(message, topic)
+    elif (pose := ros.pose_of(message, topic)) is not None:
+        yield stamp_s, pose
 
 
 def first_with_wheels(reader, topic: str, topics, most: int) -> tuple[list, list[tuple[float, np.ndarray]]]:

@@ -40,9 +40,12 @@ CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to roundi
 NO_CAMERA = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # a robot that sees by laser alone
 HEAD_BYTES = 200
 LOOKED_AT = 20_000  # bytes of a log without scans
+BEESOFT = ("a log of BeeSoft, in cm and degrees: write a line each, FLASER N ranges x y yaw x y yaw stamp host stamp, in "
+           "metres and radians")
 OTHER_LASER = re.compile(r"(ROBOT|RAW)LASER[2-5]|RLASER")  # rear ones, or a robot's second
 STEP_SAID = b"PARAM laser_front_laser_resolution "  # degrees
 AHEAD_SAID = b"PARAM robot_frontlaser_offset "  # metres
+MOST_BROKEN = 0.05  # lines that are not whole, of each that is
 MAX_LINE = 1_000_000  # characters; a damaged file may have no line ends
 FLASER, ROBOT, RAW, ODOM, TRUE = b"FLASER ", b"ROBOTLASER1 ", b"RAWLASER1 ", b"ODOM ", b"TRUEPOS "
 SCANS = (FLASER, ROBOT, RAW)
@@ -73,7 +76,7 @@ def is_carmen(path: Path) -> bool:
     if path.suffix.lower() not in TEXTS:
         return False
     with path.open("rb") as file:
-        return any(line.startswith(SCANS) for line in file.read(LOOKED_AT).splitlines())
+        return any(_plain(line).startswith(SCANS) for line in file.read(LOOKED_AT).splitlines())
 
 
 def open_carmen(path: Path, settings) -> Recording:
@@ -89,6 +92,7 @@ def open_carmen(path: Path, settings) -> Recording:
         if other := next((kind for kind in sorted(kinds) if OTHER_LASER.fullmatch(kind)), ""):
             first = "FLASER" if other == "RLASER" else f"{other[:-1]}1"
             hint = f"; of another laser alone: write {first} for it (sed s/^{other}/{first}/)"
+        hint = f"; {BEESOFT}" if kinds & {"LASER-RANGE", "#LASER"} else hint
         hint = "; GMapping's own log: give the CARMEN log that it was made of" if "LASER_READING" in kinds else hint
         found = ", ".join(sorted(kinds)[:6])
         raise ConfigError(f"{path}: no FLASER, ROBOTLASER1 or RAWLASER1 line; found {found}; expected a CARMEN log with "
@@ -133,12 +137,14 @@ def _read(path: Path, settings) -> Log:
     """What a log holds. Raises ConfigError with file and line."""
     readings: list[Reading] = []
     cut: list[str] = []
+    broken: list[ConfigError] = []
     beside: dict[bytes, list[tuple[str, bytes]]] = {ODOM: [], TRUE: []}
     kind, fov_deg, step_deg, ahead_m = b"", settings.laser_fov_deg, 0.0, 0.0
     with opened(path) as file:
         number = 0
         while line := file.readline(MAX_LINE):
             number += 1
+            line = _plain(line)
             if line.startswith(STEP_SAID):
                 step_deg = _said(line)
             if line.startswith(AHEAD_SAID):
@@ -157,11 +163,16 @@ def _read(path: Path, settings) -> Log:
             try:
                 readings.append(flaser(words, where, float(np.radians(fov_deg)), settings.max_laser_m) if found == FLASER
                                 else robotlaser(words, where, settings.max_laser_m))
-            except ConfigError:
-                if line.endswith(b"\n") or not readings:
-                    raise
-                cut.append(f"the log is cut: its last line, {number}, is not whole")
-    _check_unit([one.ranges_m for one in readings], path)
+            except ConfigError as error:
+                if line.endswith(b"\n"):
+                    broken.append(error)
+                else:
+                    cut.append(f"the log is cut: its last line, {number}, is not whole")
+    if broken:
+        if len(broken) > MOST_BROKEN * len(readings):
+            raise broken[0]
+        cut.append(f"{len(broken)} lines are not whole, the first: {broken[0]}")
+    check_unit([one.ranges_m for one in readings], str(path))
     most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]
     odometry = _between(beside[ODOM], readings) if kind == RAW else [one.odometry or STILL for one in readings]
@@ -192,12 +203,12 @@ def _fov_deg(words: list[str], step_deg: float, settings, path: Path) -> float:
     return taken_deg
 
 
-def _check_unit(readings_m: list[np.ndarray], path: Path) -> None:
+def check_unit(readings_m: list[np.ndarray], where: str) -> None:
     """Refuse readings in millimetres or centimetres, of which a robot would see none: nothing would stand in its way."""
     ranges = np.concatenate(readings_m or [np.empty(0)])
     typical = float(np.median(ranges[ranges > 0.0])) if (ranges > 0.0).any() else 0.0
     if typical > TYPICAL_M:
-        raise ConfigError(f"{path}: a typical reading is {typical:.4g}; expected metres, of which lasers see 82 (SICK) "
+        raise ConfigError(f"{where}: a typical reading is {typical:.4g}; expected metres, of which lasers see 82 (SICK) "
                           "or 300; divide those in millimetres by 1000, in centimetres by 100")
 
 
@@ -228,6 +239,11 @@ def end_of_range(readings_m: list[np.ndarray]) -> float:
     at_end, below = int((ranges >= first).sum()), int(((ranges >= first - BELOW_M) & (ranges < first)).sum())
     clear = at_end >= END_LEAST and at_end > END_SHARE * len(ranges) and at_end > END_TIMES * AT_END_M / BELOW_M * below
     return first if clear else np.inf
+
+
+def _plain(line: bytes) -> bytes:
+    """Without what it is indented by, and with spaces for tabs."""
+    return line.lstrip().replace(b"\t", b" ")
 
 
 def _said(line: bytes) -> float:

@@ -26,6 +26,7 @@ FOLDERS = ("velodyne", "velodyne_points", "lidar", "pcd", "clouds", "points", "d
 RATE_HZ = 10.0
 LOOKED_AT = 10  # files
 FLAT_M, SOME = 1e-3, 100  # height of a flat laser's cloud; points that tell
+FURTHEST_M = 400.0  # that lidars on robots and cars see; in millimetres that is an arm's length
 MOVED_M = 3.0  # a viewpoint nearer by is where the scanner sits on its robot
 
 log = logging.getLogger("rhs.replay")
@@ -63,8 +64,15 @@ def open_clouds(path: Path, settings) -> Recording:
 
 
 def check_solid(points: np.ndarray, where: str) -> None:
-    """Refuse a cloud that lies in one plane: a flat scanner's, of which a lidar's odometry makes nothing."""
-    if len(points) >= SOME and np.ptp(points[:, 2]) < FLAT_M:
+    """Refuse a cloud (N, 3) that lies in one plane: a flat scanner's, of which a lidar's odometry makes nothing; and one in
+    millimetres, or in the coordinates of a country, of which all points are out of reach."""
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < SOME:
+        return
+    if (far := float(np.median(np.linalg.norm(points, axis=1)))) > FURTHEST_M:
+        raise ConfigError(f"{where}: points are {far:.4g} m away typically; expected metres from the scanner (divide "
+                          "millimetres by 1000)")
+    if np.ptp(points[:, 2]) < FLAT_M:
         raise ConfigError(f"{where}: all points lie in one plane: a flat laser's? record its LaserScan, or make one by "
                           "pointcloud_to_laserscan, and type sensor=laser")
 

@@ -4,8 +4,8 @@ JSON: Open3D's (`intrinsic_matrix`, nine numbers column by column), or fx, fy, c
 camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx fy cx cy and the lens in one line;
 BundleFusion's info.txt; DSO's camera.txt. YAML too of Kalibr (camchain.yaml: its first camera), EuRoC, OpenCV's
 calibration, ORB-SLAM (Camera.fx) and VINS (projection_parameters). Replica's cam_params.json, one folder up, also says the
-scale of depth. Stray Scanner's camera_matrix.csv, Nerfstudio's transforms.json, Polycam's cameras/NUMBER.json of each view,
-of which the first is taken.
+scale of depth. Stray Scanner's camera_matrix.csv, Nerfstudio's transforms.json, COLMAP's cameras.txt; Polycam's
+cameras/NUMBER.json and ARKitScenes' .pincam of each view, of which the first is taken.
 """
 
 from __future__ import annotations
@@ -25,10 +25,13 @@ from ..lens_models import MODELS, with_lens
 NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
          "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "_info.txt", "cam_params.json",
          "camera_matrix.csv", "transforms.json", "*camchain*.yaml")
+ELSE = ("cameras/*.json", "lowres_wide_intrinsics/*.pincam", "cameras.txt", "sparse/cameras.txt", "sparse/0/cameras.txt")
 ABOVE = ("cam_params.json",)  # and one folder up
 MOST_BYTES = 20_000_000  # transforms.json holds a pose of each view
 MOST_SCALE = 1e6
 PINHOLES = ("pinhole", "simple_pinhole")  # models of cameras that say nothing of a lens
+COLMAP = {"SIMPLE_PINHOLE": "f cx cy", "PINHOLE": "fx fy cx cy", "SIMPLE_RADIAL": "f cx cy k1", "RADIAL": "f cx cy k1 k2",
+          "OPENCV": "fx fy cx cy k1 k2 p1 p2", "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4"}
 LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "opencv", "none", "")
 HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
 
@@ -38,7 +41,7 @@ def intrinsics_beside(folder: Path, size: tuple[int, int]) -> Camera | None:
     found = sorted({path for pattern in NAMES for path in folder.glob(pattern) if path.is_file()})
     found = [path for path in found if "depth" not in path.name.lower()] or found  # ScanNet's intrinsics_color.txt beside
     found = found or [folder.parent / name for name in ABOVE if (folder.parent / name).is_file()]
-    found = found or sorted(folder.glob("cameras/*.json"))[:1]
+    found = found or [path for pattern in ELSE for path in sorted(folder.glob(pattern))[:1]][:1]
     if len(found) > 1:
         raise ConfigError(f"{folder}: several intrinsics: {', '.join(p.name for p in found[:4])}; type source.camera=FILE")
     return read_intrinsics(found[0], size) if found else None
@@ -60,6 +63,21 @@ def depth_scale_beside(folder: Path) -> float | None:
     return scale if 0.0 < scale <= MOST_SCALE else None
 
 
+def depth_camera_beside(folder: Path) -> list[float]:
+    """fx, fy, cx, cy of depth images of another size than colour, as SensReader's info.txt says; empty where nothing does,
+    or the two cameras do not sit at one place."""
+    info = next((one for one in (folder / "info.txt", folder / "_info.txt") if one.is_file()), None)
+    try:
+        named = {} if info is None else _named(info.read_text(encoding="utf-8-sig"))
+        sizes = [[int(named[f"m_{eye}{side}"]) for side in ("Width", "Height")] for eye in ("color", "depth")]
+        matrix, *places = (np.array(named[f"m_calibration{key}"].split(), float).reshape(4, 4)
+                           for key in ("DepthIntrinsic", "DepthExtrinsic", "ColorExtrinsic"))
+    except (KeyError, ValueError, UnicodeDecodeError):
+        return []
+    apart = sizes[0] == sizes[1] or not np.allclose(places[0], places[1])
+    return [] if apart else [float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))]
+
+
 def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
     """The camera of a JSON, YAML or text file; `size` (width, height) where it names none. Raises ConfigError."""
     if path.stat().st_size > MOST_BYTES:
@@ -70,6 +88,11 @@ def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
             return _of_bundle_fusion(text, size)
         if path.suffix == ".txt" and (camera := _of_dso(text)) is not None:
             return camera
+        if path.suffix == ".txt" and (given := _of_colmap(text)) is not None:
+            return camera_of_names(given, size)
+        if path.suffix == ".pincam":
+            width, height, *numbers = (float(word) for word in text.split())
+            return _camera(numbers, (), (int(width), int(height)))
         if path.suffix in (".txt", ".csv"):
             return _camera(_of_text(text), (), size)
         plain = json.loads(text) if path.suffix == ".json" else read_yaml(text)
@@ -139,6 +162,22 @@ def _of_dso(text: str) -> Camera | None:
         fx, fy, cx, cy = fx * width, fy * height, cx * width - 0.5, cy * height - 0.5
     names = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion_model": model, "distortion": lens}
     return camera_of_names(names, (width, height))
+
+
+def _of_colmap(text: str) -> dict[str, Any] | None:
+    """Names and values of the camera in COLMAP's cameras.txt, whose pixels begin at their corner; None of another file.
+    Raises ValueError where there are several, or of a model that is not read."""
+    rows = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if not rows or len(rows[0]) < 7 or not re.fullmatch(r"[A-Z][A-Z_]+", rows[0][1]):
+        return None
+    _, model, width, height, *numbers = rows[0]
+    if len(rows) > 1 or model not in COLMAP:
+        raise ValueError(f"found {len(rows)} cameras, the first {model}; expected one of {', '.join(COLMAP)}")
+    named = dict(zip(COLMAP[model].split(), map(float, numbers), strict=True))
+    fx = named.pop("f", None) or named["fx"]
+    fisheye = {"camera_model": "OPENCV_FISHEYE"} if model.endswith("FISHEYE") else {}
+    return {"fy": fx} | named | fisheye | {"fx": fx, "cx": named["cx"] - 0.5, "cy": named["cy"] - 0.5, "width": int(width),
+                                           "height": int(height)}
 
 
 def camera_of_names(given: dict[str, Any], size: tuple[int, int]) -> Camera:

@@ -23,6 +23,8 @@ from .poses import poses_by_first, poses_by_line, poses_by_number
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
 _AND_TIME = re.compile(r"^\d{7}-(\d{12})$")  # number, and microseconds from the beginning (SUN3D, Redwood's objects)
 _IN_TWO = re.compile(r"^(?:.*\D)?(\d{10})[_-](\d{1,9})$")  # a Unix time in seconds and its fraction, of one stamp
+_DIGITS = re.compile(r"[\d.]+")
+SERIES = 0.25  # share of the files of a folder from which on names of another kind are another series
 Pose = Callable[[int], np.ndarray | None]
 At = Callable[[int, float], np.ndarray | None]
 
@@ -58,7 +60,9 @@ def led(listed: Listed, settings) -> Recording:
         for i in wanted:
             try:
                 fields = listed.read(i, before)
-            except UnreadableImage as error:
+            except ConfigError as error:
+                if index == 0 and not isinstance(error, UnreadableImage):
+                    raise
                 listed.rejected[UNREADABLE] += 1
                 lost[:] = [f"{listed.rejected[UNREADABLE]} of {len(wanted)} views cannot be read, the last: {error}"]
                 continue
@@ -72,7 +76,8 @@ def led(listed: Listed, settings) -> Recording:
 def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
     """(number at the end of the name, before `tail`, as it is written, file) in order of the numbers; those without one are
     left out. Where all names end in the two parts of a ROS time (cloud_1583836591_182590976.pcd) the number is that time."""
-    found = [(match[2], file) for file in files if (match := _NUMBERED.match(file.stem.removesuffix(tail)))]
+    found = [(match[2], file) for file in files if not file.name.startswith(".")  # ._1.png: macOS's, beside each
+             and (match := _NUMBERED.match(file.stem.removesuffix(tail)))]
     and_time = [match for _, file in found if (match := _AND_TIME.match(file.stem.removesuffix(tail)))]
     if len(and_time) == len(found):
         found = [(f"{int(match[1]) * 1e-6:.6f}", file) for match, (_, file) in zip(and_time, found, strict=True)]
@@ -85,15 +90,24 @@ def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
 
 
 def one_series(files: Sequence[tuple[str, Path]]) -> None:
-    """Refuse numbered files of which some have one number (left_001.png, right_001.png): two series would be led as one.
+    """Refuse numbered files of two kinds of names (r-1.5-10.ppm, d-1.4-11.pgm), or of which some have one number
+    (left_001.png, right_001.png): two series would be led as one.
     Where all have the same (scan_2_of_90.pcd) that counts nothing."""
     of: dict[float, list[Path]] = {}
+    kinds: dict[str, list[Path]] = {}
     for number, file in files:
         of.setdefault(float(number), []).append(file)
+        kinds.setdefault(_DIGITS.sub("", file.name.lower()), []).append(file)
     twice = next((same for same in of.values() if len(same) > 1), None)
     if twice is not None and len(of) > 1:
         raise ConfigError(f"{twice[0].parent}: found {twice[0].name} and {twice[1].name}, two of one number; expected one "
                           "series in a folder: move the others to one of their own")
+    first, second = [*sorted(kinds.values(), key=len, reverse=True), []][:2] if files else ([], [])
+    if len(second) > max(1, SERIES * len(files)):
+        raw = {first[0].name[:2], second[0].name[:2]} == {"r-", "d-"}
+        how = ("of NYU's raw images, whose depth is no distance: export them by its toolbox" if raw else
+               "expected one in a folder: move the others to one of their own")
+        raise ConfigError(f"{first[0].parent}: found {first[0].name} and {second[0].name}, two series; {how}")
 
 
 def stamps_by_name(numbers: list[str], rate_hz: float, usual_hz: float) -> tuple[np.ndarray, bool]:
