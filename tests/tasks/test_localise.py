@@ -82,6 +82,7 @@ def test_without_a_truth_nothing_is_said_about_right_and_wrong(surveyed, tmp_pat
     (["localiser=odometry_only"], "map is empty"),
     (["map=nowhere_at_all", "localiser=odometry_only"], "no such file, folder or world"),
     (["map={survey}/map.pgm", "localiser=odometry_only"], r"found a \.pgm; type map=.*map\.yaml"),
+    (["map={survey}", "localiser=odometry_only"], "from start=unknown; type localiser=particle_filter_scan"),
     (["map={survey}", "localiser=odometry_only", "start=[1,2]"], r"start=\[1, 2\]"),
     (["map={survey}", "localiser=odometry_only", "start=[0,0,0]", "restart_every_m=5"], "leave out start="),
     (["map={survey}", "localiser=odometry_only", "kidnap_skip_m=0"], "kidnap_skip_m=0"),

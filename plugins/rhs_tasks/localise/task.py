@@ -48,8 +48,8 @@ class LocaliseJob(StepJob):
                               "of any; type map=RUN_FOLDER of a survey with recording=full, or "
                               "localiser=particle_filter_scan")
         if not context.settings("localiser").needs and first_belief(settings) is None:
-            log.warning("%s looks at nothing, so it cannot find itself from start=unknown; type "
-                        "localiser=particle_filter_scan, or start=[x_m,y_m,yaw_deg]", self.parts.who["localiser"])
+            raise ConfigError(f"{self.parts.who['localiser']} looks at nothing (its needs are empty), so it cannot find "
+                              "itself from start=unknown; type localiser=particle_filter_scan, or start=[x_m,y_m,yaw_deg]")
         self.scans: list[Scan | None] = []  # as measured, and the travel (3,) of the wheels since the view before
         self.wheels: list[np.ndarray | None] = []
         self.poses: list[np.ndarray] = []  # map_from_body (4, 4) as believed, and whether it was sure of that
