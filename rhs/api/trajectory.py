@@ -6,9 +6,11 @@ names its columns may have them in any order.
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from rhs.base.errors import RecordingError
 from .files import replacing
 from .geometry import align, inverse, se3
 
+log = logging.getLogger("rhs.trajectory")
 _STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
 _NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality|(roll|pitch|yaw)(_deg)?$")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
@@ -76,20 +79,30 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 
 def read_tum(path: Path) -> Trajectory:
     """Read a TUM file, sorted by time; of equal stamps the first line counts, and one whose numbers behind the stamp are all
-    NaN or empty is none: its moment has no pose.
+    NaN or empty is none: its moment has no pose, and how many there are is said.
 
     Raises RecordingError naming file and line for anything that is not eight finite numbers with a usable quaternion.
     """
-    rows = []
+    rows, lost = [], []
     for number, line in enumerate(in_tum_order(_text(Path(path)), str(path)).splitlines(), start=1):
         words = line.split("#", 1)[0].replace(",", " ").split()
-        if words and not _LOST_ROW.fullmatch(line):
+        if _LOST_ROW.fullmatch(line):
+            lost.append(number)
+        elif words:
             rows.append(_tum_row(words, f"{path}:{number}"))
+    if lost:
+        _say_lost(f"{path}:{lost[0]}", len(lost), 100.0 * len(rows) / (len(rows) + len(lost)))
     table = np.array(rows).reshape(-1, 8)
     table[:, 0] *= [seconds_in(stamp) for stamp in table[:, 0]]
     _, first = np.unique(table[:, 0], return_index=True)
     table = table[first]
     return Trajectory(table[:, 0], _poses(table[:, 1:4], table[:, 4:8]))
+
+
+@lru_cache(maxsize=8)  # a file that is read twice is said once
+def _say_lost(where: str, lines: int, share_percent: float) -> None:
+    log.warning("%s: found a stamp and no pose, as in %d line%s in all; left out: %.1f %% of the moments have one", where,
+                lines, "" if lines == 1 else "s", share_percent)
 
 
 def seconds_in(stamp: float) -> float:

@@ -276,12 +276,14 @@ def test_a_table_of_places_and_three_angles_turns_about_fixed_axes_roll_first(tm
 
 
 @pytest.mark.parametrize(("header", "lost"), [("", " nan nan nan nan nan nan nan"), ("t,x,y,z,qx,qy,qz,qw\n", ",,,,,,,")])
-def test_a_moment_without_a_pose_is_left_out(tmp_path, header, lost):
+def test_a_moment_without_a_pose_is_left_out_and_said(tmp_path, header, lost, caplog):
     rows = tum(WAY).splitlines()
     rows[3] = f"3{lost}"
     (tmp_path / "way.txt").write_text(header + "\n".join(row if lost in row else row.replace(" ", "," if header else " ")
                                                         for row in rows))
     assert read_trajectory(tmp_path / "way.txt").stamps_s.tolist() == [0, 1, 2, 4, 5]
+    assert f"way.txt:{4 + bool(header)}: found a stamp and no pose, as in 1 line in all" in caplog.text
+    assert "83.3 % of the moments have one" in caplog.text
 
 
 def test_commas_beside_semicolons_are_those_of_decimals(tmp_path):
