@@ -10,7 +10,6 @@ import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -91,18 +90,14 @@ def read_tum(path: Path) -> Trajectory:
         elif words:
             rows.append(_tum_row(words, f"{path}:{number}"))
     if lost:
-        _say_lost(f"{path}:{lost[0]}", len(lost), 100.0 * len(rows) / (len(rows) + len(lost)))
+        share = len(rows) / (len(rows) + len(lost))
+        log.warning("%s:%d: found a stamp and no pose, as in %d line%s in all; left out: %.1f %% of the moments have one",
+                    path, lost[0], len(lost), "" if len(lost) == 1 else "s", 100.0 * share)
     table = np.array(rows).reshape(-1, 8)
     table[:, 0] *= [seconds_in(stamp) for stamp in table[:, 0]]
     _, first = np.unique(table[:, 0], return_index=True)
     table = table[first]
     return Trajectory(table[:, 0], _poses(table[:, 1:4], table[:, 4:8]))
-
-
-@lru_cache(maxsize=8)  # a file that is read twice is said once
-def _say_lost(where: str, lines: int, share_percent: float) -> None:
-    log.warning("%s: found a stamp and no pose, as in %d line%s in all; left out: %.1f %% of the moments have one", where,
-                lines, "" if lines == 1 else "s", share_percent)
 
 
 def seconds_in(stamp: float) -> float:

@@ -20,7 +20,8 @@ from pathlib import Path
 from rhs.api.trajectory import ALIGNMENTS
 from rhs.base.commands import Arguments, answered, check_regular, complain
 from rhs.base.errors import ConfigError, RecordingError
-from rhs.metrics.evaluate import evaluate_folder, evaluate_pair, evaluate_relations, pair_fault
+from rhs.metrics.evaluate import evaluate_folder, evaluate_relations, evaluate_ways, read_pair
+from rhs.metrics.pose_forms import pose_fault
 from rhs.metrics.success import HALF
 from rhs.metrics.survey import TOLERANCE_S
 from rhs.metrics.truth_clock import clock_fault
@@ -71,9 +72,10 @@ def _print(chosen: argparse.Namespace) -> int:
             f"of only {share:.1%} of the relations both scans have a pose, and the figures are of these alone; expected at "
             f"least {HALF:.0%}: are these relations of this recording?", 3)
     if len(chosen.paths) == 2:
-        values = evaluate_pair(*chosen.paths, alignment=chosen.alignment, tolerance_s=chosen.tolerance)
+        ways = read_pair(*chosen.paths)
+        values = evaluate_ways(*ways, alignment=chosen.alignment, tolerance_s=chosen.tolerance)
         sys.stdout.write(_lines(values))
-        if fault := clock_fault(values) or pair_fault(chosen.paths[0], chosen.paths[1], chosen.tolerance):
+        if fault := clock_fault(values) or pose_fault(*ways, chosen.tolerance):
             return complain(fault, 3)
         return _doubted(float(str(values["matched_share"])), chosen.tolerance)
     if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():

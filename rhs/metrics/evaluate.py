@@ -8,7 +8,7 @@ from __future__ import annotations
 import traceback
 from pathlib import Path
 
-from rhs.api.trajectory import ALIGNMENTS, read_tum
+from rhs.api.trajectory import ALIGNMENTS, Trajectory, read_tum
 from rhs.base.errors import ConfigError, check_choice, check_range
 from rhs.config import registry
 from rhs.config.dictionary import GROUPS, RUN, TASKS, metrics_by_group
@@ -33,14 +33,25 @@ def evaluate_folder(folder: Path) -> Values:
 def evaluate_pair(estimate: Path, truth: Path, *, alignment: str = "se3", tolerance_s: float = TOLERANCE_S) -> Values:
     """ATE, RPE and completeness of two trajectories, each in a form of trajectory_forms. Raises ConfigError where one of
     them tells no time."""
+    return evaluate_ways(*read_pair(estimate, truth), alignment=alignment, tolerance_s=tolerance_s)
+
+
+def evaluate_ways(estimate: Trajectory, truth: Trajectory, *, alignment: str = "se3",
+                  tolerance_s: float = TOLERANCE_S) -> Values:
+    """The same of two that were read."""
     check_choice("evaluate", "alignment", alignment, ALIGNMENTS)
     check_range("evaluate", "tolerance", tolerance_s, low=0.0, high=10.0, unit="s")
+    return trajectory_values(estimate, truth, alignment=alignment, tolerance_s=tolerance_s)
+
+
+def read_pair(estimate: Path, truth: Path) -> tuple[Trajectory, Trajectory]:
+    """Both trajectories. Raises ConfigError where one of them tells no time."""
     ways = read_trajectory(estimate), read_trajectory(truth)
     untimed = [path for path, way in zip((estimate, truth), ways, strict=True) if numbered(way)]
     if len(untimed) == 1:
         raise ConfigError(f"{untimed[0]}: its lines have no stamps and those of the other file have; write times.txt beside "
                           "it (seconds, a line for each pose; of the form of KITTI) or a stamp before each line")
-    return trajectory_values(*ways, alignment=alignment, tolerance_s=tolerance_s)
+    return ways
 
 
 def pair_fault(estimate: Path, truth: Path, tolerance_s: float = TOLERANCE_S) -> str:

@@ -242,37 +242,41 @@ def _frame(reader, topic: str, *, moved: bool = False) -> str:
     return "" if message is None else str(message.child_frame_id if moved else message.header.frame_id)
 
 
+def _in_turn(reader, topics: Topics, settings, counts: Counter, lost: list[str]) -> Iterator:
+    """(topic, stamp, message) of what is used, in order; of each topic but tf without messages of another frame than its
+    first, and those whose stamps do not ascend, which are counted."""
+    last: dict[str, float] = {}
+    frames: dict[str, str] = {}
+    coarse = ros.coarse_topics(reader, {topics.sees, topics.depth} - {""})
+    for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used(), coarse), lost):
+        if topic != topics.tf:
+            if frames.setdefault(topic, message.header.frame_id) != message.header.frame_id:
+                counts["other_frame"] += 1  # a second sensor on one topic
+                continue
+            if not stamp > last.get(topic, -np.inf):
+                back_s = last[topic] - stamp
+                far = topic == topics.sees and back_s > BACK_S
+                counts[SET_BACK if far else "backward" if back_s else "duplicate"] += 1
+                if far:
+                    lost[:1] = [f"{counts[SET_BACK]} views are of a clock that was set back and left out: cut the bag "
+                                "there, and give each part"]
+                continue
+            if topic in last and stamp - last[topic] > settings.max_jump_s:
+                counts["jump"] += 1
+            last[topic] = stamp
+        yield topic, stamp, message
+
+
 def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], counts: Counter,
            lost: list[str]) -> Iterator:
     """(Capture without number, None) as soon as all of a view is there, and (None, (stamp, pose)) of the wheels; views whose
     images cannot be read are left out and said to be lost."""
-    camera, placed = seen_by
-    last: dict[str, float] = {}
-    frames: dict[str, str] = {}
+    placed, scan = seen_by[1], None
     waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
-    scan = None
-    coarse = ros.coarse_topics(reader, {topics.sees, topics.depth} - {""})
-    for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used(), coarse), lost):
-        if topic == topics.tf:
-            yield from ((None, reading) for reading in wheel_readings(message, stamp, topics, topic))
-            continue
-        if frames.setdefault(topic, message.header.frame_id) != message.header.frame_id:
-            counts["other_frame"] += 1  # a second sensor on one topic
-            continue
-        if not stamp > last.get(topic, -np.inf):
-            back_s = last[topic] - stamp
-            far = topic == topics.sees and back_s > BACK_S
-            counts[SET_BACK if far else "backward" if back_s else "duplicate"] += 1
-            if far:
-                lost[:1] = [f"{counts[SET_BACK]} views are of a clock that was set back and left out: cut the bag there, "
-                            "and give each part"]
-            continue
-        if topic in last and stamp - last[topic] > settings.max_jump_s:
-            counts["jump"] += 1
-        last[topic] = stamp
-        if topic == topics.wheel:
+    for topic, stamp, message in _in_turn(reader, topics, settings, counts, lost):
+        if topic in (topics.wheel, topics.tf):
             readings = [(None, reading) for reading in wheel_readings(message, stamp, topics, topic)]
-            if not readings:
+            if not readings and topic != topics.tf:  # which moves other links too
                 counts["no_pose"] += 1
             yield from readings
         elif topic == topics.scan and len(message.ranges) == 0:
