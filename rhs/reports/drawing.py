@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 COLOURS = {"truth": "#222222", "estimate": "#d1801f", "corrected": "#1f6fb4", "patrol": "#2a9d5c", "plan": "#b03a9c",
            "place": "#c1121f", "wall": "#f2b600"}
+UNSEEN = (219, 224, 235, 255)  # grey-blue
 LEAP_M, LEAP_STEPS = 1.0, 8.0  # a line is not drawn across a step longer than this, and than so many usual ones
 PAIRED_S = 0.02  # a belief and a truth at most so far apart in time are of one moment
 MARGIN_M = 0.3  # round what is drawn
@@ -75,9 +76,11 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
     unknown = np.isnan(grid.probability)
     image = np.empty((*grid.shape, 4), np.uint8)  # with numbers Matplotlib would hold eight times as much
     image[:] = np.where(unknown, 0.0, np.rint(255.0 * (1.0 - grid.probability)))[:, :, None]
-    image[unknown] = (219, 224, 235, 255)
+    image[unknown] = UNSEEN
     image[:, :, 3] = 255
     axes.imshow(image, origin="lower", extent=extent(grid), interpolation="nearest", zorder=0)
+    axes.fill([], [], facecolor="black", label="mapped as occupied")
+    axes.fill([], [], facecolor=[channel / 255.0 for channel in UNSEEN], label="never seen")
 
 
 def draw_walls(axes: Axes, true: OccupancyGrid) -> None:

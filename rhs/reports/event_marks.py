@@ -114,6 +114,8 @@ def _draw_missions(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray) -> Non
             begun.add(step["mission"])
             ring = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": "#2a9d5c", "linewidth": 0.8}
             axes.annotate(step["mission"], at, xytext=(-9, -9), textcoords="offset points", fontsize=7, zorder=6, bbox=ring)
+    if begun:
+        axes.plot([], [], "o", markerfacecolor="white", markeredgecolor="#2a9d5c", label="a mission begins")
 
 
 def _draw_marks(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray) -> None:

@@ -157,6 +157,16 @@ def test_things_that_are_moved_leave_every_place_within_reach(family, number):
             assert distance_m(replace(later, boxes=(box,), walls=()), np.array([x, y]))[0] >= world.robot_radius_m + 0.14
 
 
+@laws
+def test_barriers_cut_some_places_off_and_not_all(family, number):
+    """One to three, from wall to wall; who stands at the end of the survey gets to fewer places, which all were open."""
+    world = building(family, number, "+shut")
+    assert 1 <= len(world.obstacles) <= 3 and not world.moving.people
+    assert len(reached(world, radius_m=world.robot_radius_m)) == len(world.places)
+    left = reached(after(world), radius_m=world.robot_radius_m)
+    assert left and set(left) < {name for name, *_ in world.places}
+
+
 def test_buildings_are_the_same_on_every_machine():
     """Whoever changes what is drawn changes every figure that was measured in these buildings: then say so and write these
     anew (run this file as a script)."""

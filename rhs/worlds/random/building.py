@@ -2,7 +2,7 @@
 
 A pure function of the family, its number and the word after `+`: everything comes from generators named after them, and
 every coordinate is rounded to a tenth of a millimetre. The obstacles have a generator of their own: `+plain` is the same
-building without them. So have the people, and the things that are moved.
+building without them. So have the people, the barriers, and the things that are moved.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .hall import draw_hall
 from .looks import looks
 from .loops import draw_ladder, draw_loop
 from .names import parse
-from .obstacles import movable, with_drawn_moves, with_drawn_obstacles
+from .obstacles import movable, with_drawn_barriers, with_drawn_moves, with_drawn_obstacles
 from .people import with_drawn_people
 from .rooms import draw_home, draw_office
 from .shapes import edges_of, nearest_gap_m, turned, within
@@ -90,6 +90,8 @@ def _world(family: str, word: str, number: int) -> World:
             if boxes and (rng.uniform() < 0.5 or "obstacles" in word):
                 world = with_drawn_obstacles(world, rng)
                 check_world(world, _Drawn(world.name))
+            if word == "shut":
+                world = _shut(world, generator(number, f"barriers of {family} {draw}"))
             if "moved" in word:
                 world = _rearranged(world, generator(number, f"moves of {family} {draw}"))
             return _peopled(world, generator(number, f"people of {family} {draw}")) if "people" in word else world
@@ -100,6 +102,15 @@ def _world(family: str, word: str, number: int) -> World:
 
 def _peopled(world: World, rng: np.random.Generator) -> World:
     world = with_drawn_people(world, rng, *free_space(after(world)))
+    check_world(world, _Drawn(world.name))
+    return world
+
+
+def _shut(world: World, rng: np.random.Generator) -> World:
+    """Raises Unfit where no barrier cuts a place off."""
+    world = with_drawn_barriers(world, rng)
+    if not world.obstacles:
+        raise Unfit("no place of it can be cut off")
     check_world(world, _Drawn(world.name))
     return world
 

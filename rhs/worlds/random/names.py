@@ -1,11 +1,12 @@
 """What may stand after `world=random:`, and which building it names.
 
-    random:FAMILY[+plain|+obstacles|+moved|+people|+obstacles+people|+moved+people][/NUMBER]
+    random:FAMILY[+plain|+obstacles|+moved|+shut|+people|+obstacles+people|+moved+people][/NUMBER]
 
 NUMBER is the building's seed; without it the building's seed is the run's. `+plain` puts nothing in after the survey,
 `+obstacles` always something; without a word half of the buildings have obstacles. `+moved` moves or takes away one to
-three of the things that the survey saw, and puts nothing in; a draw with nothing to move is drawn again. `+people` is
-`+plain` with people who walk about, `+obstacles+people` and `+moved+people` have both.
+three of the things that the survey saw, and puts nothing in; a draw with nothing to move is drawn again. `+shut` puts
+barriers across ways, so that the robot can no longer get to some of its places. `+people` is `+plain` with people who walk
+about, `+obstacles+people` and `+moved+people` have both.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ FAMILIES = {
     "hall": "a hall with round and square pillars, benches, screens; perhaps a lobby",
     "non_manhattan": "no right angles: curved and polygonal rings, stars, zigzags, askew rooms",
 }
-WORDS = ("plain", "obstacles", "moved", "people", "obstacles+people", "moved+people")
+WORDS = ("plain", "obstacles", "moved", "shut", "people", "obstacles+people", "moved+people")
 MOST = 2**31 - 1
 
 

@@ -17,6 +17,7 @@ from .shapes import edges_of, nearest_gap_m, polygon_gaps_m
 from .sketch import rectangle
 
 BARRIERS = 0.15  # share of the buildings with obstacles in which one of them closes the way from wall to wall
+MOST_BARRIERS = 3  # put in to cut a place off: in a loop it takes two
 TRIES = 60
 TAKEN = 0.3  # share of the things moved that are taken away
 MOVED_M = (0.4, 2.5)  # how far the others
@@ -30,6 +31,19 @@ def with_drawn_obstacles(world: World, rng: np.random.Generator) -> World:
         world = _barred(world, rng)
     for _ in range(int(rng.integers(0 if world.obstacles else 1, 3 if barrier else 4))):
         world = _with_box(world, rng)
+    return world
+
+
+def with_drawn_barriers(world: World, rng: np.random.Generator) -> World:
+    """The world with as many barriers as it takes until some places can no longer be reached from where the survey ended,
+    though others can; without any if all draws fail."""
+    before = len(reached(world, radius_m=world.robot_radius_m))
+    for _ in range(TRIES // MOST_BARRIERS):
+        barred = world
+        for _ in range(MOST_BARRIERS):
+            barred = _barred(barred, rng)
+            if 1 < len(reached(after(barred), radius_m=0.5 * world.robot_radius_m)) < before:
+                return barred
     return world
 
 
