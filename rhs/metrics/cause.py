@@ -1,5 +1,6 @@
-"""What went wrong first, by what the parts themselves said on the way: statuses and events, no truth.
+"""What went wrong first, by what the parts themselves said on the way: statuses and events.
 
+Truth decides one thing only, as for places_visited: a robot that says it has arrived and stands elsewhere has failed.
 The first mission that did not end at its place is looked at, from its beginning to its end; what was unbroken when it
 began is counted as of its beginning. Each link is named once, where it first complained, in the order in which they did.
 Where neither odometry nor localiser complained in it, what they said in the survey is counted: the map is of then.
@@ -12,9 +13,12 @@ from typing import Any
 
 from rhs.api.metric import RunFiles, columns_of
 
+from .patrol import arrived_elsewhere
+
 Step = Mapping[str, str]
 OF_EVENT = {"no_plan": "plan: no path", "blocked": "something unknown on the path", "stopped": "no room ahead",
-            "replan": "a new plan", "lost": "the robot looks for itself", "gave_up": "gave up"}
+            "replan": "a new plan", "kidnapped": "somebody carried the robot off",
+           "lost": "the robot looks for itself", "gave_up": "gave up"}
 ESTIMATORS = {"odometry", "gate", "localise"}  # links that complain of what they know
 MOST_WORDS = 5
 
@@ -38,11 +42,11 @@ def complaints(step: Step) -> list[tuple[str, str]]:
 def cause(run: RunFiles) -> str:
     """The sentence; empty where every mission ended at its place."""
     missions = run.json("missions") or []
-    failed = first_failed(missions)
+    survey, patrol = ([step for step in run.steps if step["phase"] == phase] for phase in ("survey", "patrol"))
+    failed = first_failed(missions, patrol)
     if failed is None:
         return ""
     what = f"{failed['place']}: {failed['reason'] or 'the run ended on the way'}"
-    survey, patrol = ([step for step in run.steps if step["phase"] == phase] for phase in ("survey", "patrol"))
     sequence = [f"view {view} {words}" for view, words in first_of_failed(patrol, missions)]
     if not any(link in ESTIMATORS for step in of_mission(patrol, failed) for link, _ in complaints(step)):
         sequence = said_in(survey) + sequence
@@ -65,17 +69,21 @@ def of_mission(patrol: Sequence[Step], mission: Mapping[str, Any]) -> list[Step]
     return [step for step in patrol if step["mission"] == str(mission["mission"])]
 
 
-def first_failed(missions: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
-    """The first mission that did not end at its place."""
-    return next((m for m in missions if m["status"] not in ("arrived", "aborted", "skipped")), None)
+def first_failed(missions: list[dict[str, Any]], patrol: Sequence[Step]) -> dict[str, Any] | None:
+    """The first mission that did not end at its place, with the reason."""
+    elsewhere = arrived_elsewhere(missions, patrol)
+    for mission in missions:
+        if (off_m := elsewhere.get(str(mission["mission"]))) is not None:
+            return mission | {"reason": f"the robot said that it had arrived, {off_m:.1f} m from it"}
+        if mission["status"] not in ("arrived", "aborted", "skipped"):
+            return mission
+    return None
 
 
-def first_of_failed(patrol: Sequence[Step], missions: Sequence[Mapping[str, Any]]) -> list[tuple[int, str]]:
+def first_of_failed(patrol: Sequence[Step], missions: list[dict[str, Any]]) -> list[tuple[int, str]]:
     """(view, what was said) of each link that complained in the first mission that failed, in the order of the views."""
-    failed = first_failed(missions)
-    if failed is None:
-        return []
-    return first_complaints(patrol, of_mission(patrol, failed))
+    failed = first_failed(missions, patrol)
+    return [] if failed is None else first_complaints(patrol, of_mission(patrol, failed))
 
 
 def first_complaints(patrol: Sequence[Step], own: Sequence[Step]) -> list[tuple[int, str]]:

@@ -85,6 +85,13 @@ def arrival_errors_m(missions: list[dict], patrol: Sequence[Mapping[str, str]]) 
     return np.linalg.norm(np.reshape(at[:count], (-1, 2)) - np.reshape(goals[:count], (-1, 2)), axis=1)
 
 
+def arrived_elsewhere(missions: list[dict], patrol: Sequence[Mapping[str, str]]) -> dict[str, float]:
+    """Number of each mission that ended where the robot only believed its place to be: how far from it it truly stood,
+    metres. None where nobody knows the truth."""
+    errors, arrived = arrival_errors_m(missions, patrol), (m for m in missions if m["status"] == "arrived")
+    return {str(m["mission"]): float(off) for m, off in zip(arrived, errors, strict=False) if off > VISITED_M}
+
+
 def path_optimal_m(run: RunFiles, facts: dict, patrol: Sequence[Mapping[str, str]]) -> float:
     """Length of the shortest way from where the patrol truly began through the places in order, on the true plan grown
     by the robot's radius; NaN without a true plan or where a place cannot be reached."""

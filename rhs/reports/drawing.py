@@ -11,6 +11,7 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid
 from rhs.api.trajectory import Trajectory, aligned, read_tum
 from rhs.metrics.accuracy import pair
+from rhs.metrics.patrol import arrived_elsewhere
 from rhs.runfolder.run import Run
 
 from .event_marks import draw_happenings, draw_moving, draw_unknown
@@ -172,13 +173,17 @@ def draw_plans(axes: Axes, folder: Path) -> None:
 
 
 def draw_places(axes: Axes, folder: Path) -> None:
-    """Places by name; an empty ring where the robot never arrived."""
+    """Places by name; an empty ring where the robot never arrived, one with a cross where it only believed it had."""
     missions = json_of(folder / "missions.json") or []
     arrived = {m["place"] for m in missions if m["status"] == "arrived"}
+    mistaken = arrived_elsewhere(missions, [step for step in Run(folder).steps if step["phase"] == "patrol"])
+    elsewhere = {m["place"] for m in missions if str(m["mission"]) in mistaken}
     places = (json_of(folder / "facts.json") or {}).get("places", ())
     goals = {place["name"]: (place["x_m"], place["y_m"]) for place in places}
     for name, goal in goals.items():
-        face = COLOURS["place"] if name in arrived else "none"
+        face = COLOURS["place"] if name in arrived - elsewhere else "none"
+        if name in elsewhere:
+            axes.plot(goal[0], goal[1], "x", markersize=10, color=COLOURS["place"], zorder=5)
         axes.plot(goal[0], goal[1], "o", markersize=7, markerfacecolor=face, markeredgecolor=COLOURS["place"], zorder=5)
         axes.annotate(name, (goal[0], goal[1]), xytext=(6, 6), textcoords="offset points", fontsize=8, zorder=6,
                       bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1})
@@ -187,6 +192,8 @@ def draw_places(axes: Axes, folder: Path) -> None:
     elif goals:
         axes.plot([], [], "o", color=COLOURS["place"], label="place reached")
         axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=COLOURS["place"], label="place not reached")
+    if elsewhere:
+        axes.plot([], [], "x", color=COLOURS["place"], label="said to be reached, but the robot was elsewhere")
 
 
 def extent(grid: OccupancyGrid) -> tuple[float, float, float, float]:

@@ -30,7 +30,7 @@ BELIEFS = (  # what the legend says, colour, which views of (status, wrong and s
 ARROW_M = 2.5  # between two arrows on the way driven
 
 
-def draw_happenings(axes: Axes, steps: Sequence[Step], missions: Sequence[dict[str, Any]]) -> None:
+def draw_happenings(axes: Axes, steps: Sequence[Step], missions: list[dict[str, Any]]) -> None:
     """Every layer, from the lines of steps.csv and from missions.json."""
     patrol = [step for step in steps if step["phase"] == "patrol"]
     if not patrol:
@@ -138,7 +138,7 @@ def _draw_kidnaps(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray) -> None
             label = "_nolegend_"
 
 
-def _draw_first(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray, missions: Sequence[dict[str, Any]]) -> None:
+def _draw_first(axes: Axes, patrol: Sequence[Step], way_m: np.ndarray, missions: list[dict[str, Any]]) -> None:
     """A ring where the first part complained in the first mission that failed, with what it said."""
     complaints = first_of_failed(patrol, missions)
     index = [int(step["index"]) for step in patrol]

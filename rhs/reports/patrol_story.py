@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.records import BeliefStatus
+from rhs.metrics.patrol import arrived_elsewhere
 from rhs.runfolder.run import Run
 
 from .drawing import json_of
@@ -43,7 +44,7 @@ def patrol_story(folder: Path, row: Mapping[str, Any]) -> Story:
     """The story of a run folder that has a changes.json."""
     missions, rows = json_of(folder / "missions.json") or [], json_of(folder / "changes.json") or []
     places = tuple(_place(folder, row) for row in rows)
-    return Story((*_what_happened(missions, rows), *_of_the_row(row), *_of_the_steps(folder)), places)
+    return Story((*_what_happened(missions, rows), *_of_the_row(row), *_of_the_steps(folder, missions)), places)
 
 
 def _changed(rows: list[dict[str, Any]]) -> str:
@@ -79,8 +80,8 @@ def _of_the_row(row: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _of_the_steps(folder: Path) -> list[str]:
-    """How long it did not know where it was."""
+def _of_the_steps(folder: Path, missions: list[dict[str, Any]]) -> list[str]:
+    """How long it did not know where it was, and where it was mistaken."""
     if not (steps := Run(folder).steps):
         return []
     patrol = [row for row in steps if row["phase"] == "patrol"]
@@ -89,7 +90,11 @@ def _of_the_steps(folder: Path) -> list[str]:
     bent = sum(row["belief_status"] == BeliefStatus.DEGRADED for row in patrol)
     lines = [f"In {lost} of {len(patrol)} views it did not know where it was."] if lost else \
         [f"It knew where it was in all {len(patrol)} views."]
-    return [*lines, f"In {bent} of them it knew its place on its map, which may be bent there."] if bent else lines
+    if bent:
+        lines.append(f"In {bent} of them it knew its place on its map, which may be bent there.")
+    mistaken = arrived_elsewhere(missions, patrol)
+    return lines + [f"It was mistaken when it said that it had reached {m['place']}: it stood {off_m:.1f} m from it."
+                    for m in missions if (off_m := mistaken.get(str(m["mission"]))) is not None]
 
 
 def _place(folder: Path, row: dict[str, Any]) -> PlaceStory:

@@ -182,6 +182,23 @@ def test_complaints_come_in_the_order_in_which_they_began():
         (4, "odometry lost (no features)"), (6, "localiser lost"), (6, "the robot looks for itself"), (6, "plan: no path")]
 
 
+def test_a_robot_that_says_it_has_arrived_and_stands_elsewhere_has_failed():
+    """By truth; what is said of why is what the parts said."""
+    missions = [{"mission": 1, "place": "kitchen", "status": "arrived", "reason": "", "goal_m": [1.0, 2.0]},
+                {"mission": 2, "place": "hall", "status": "gave_up", "reason": "lost", "goal_m": [5.0, 2.0]}]
+    patrol = [step(4, true_x_m="4.0", true_y_m="2.0", event="kidnapped"),
+              step(5, mission="2", true_x_m="4.0", true_y_m="2.0", event="arrived+plan"),
+              step(6, mission="2", true_x_m="4.0", true_y_m="2.0", event="gave_up")]
+    run = SimpleNamespace(steps=patrol, json=lambda name: missions)
+    assert cause(run) == "kitchen: the robot said that it had arrived, 3.0 m from it; view 4 somebody carried the robot off"
+    for one in patrol:
+        one["true_x_m"] = "1.4"
+    assert cause(run).startswith("hall: lost")
+    for one in patrol:  # a recording: nobody knows
+        one["true_x_m"] = one["true_y_m"] = ""
+    assert cause(run).startswith("hall: lost")
+
+
 def failed_run(views):
     missions = [{"mission": 1, "place": "kitchen", "status": "gave_up", "reason": "no path: never_seen"}]
     return SimpleNamespace(steps=views, json=lambda name: missions)
