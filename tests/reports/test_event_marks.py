@@ -33,7 +33,8 @@ def test_trouble_began_where_the_first_part_complained_of_the_mission_that_faile
     np.testing.assert_allclose(marked["ring"], [[0.6, 0.0]])
     assert "trouble began, view 3: localiser converging" in marked
     np.testing.assert_allclose(marked["touched something"], [[1.4, 0.0]])
-    assert not any(label.startswith("trouble") for label in _marked(steps, [{**failed, "status": "arrived", "goal_m": [0.0, 0.0]}]))
+    arrived = {**failed, "status": "arrived", "goal_m": [0.0, 0.0]}
+    assert not any(label.startswith("trouble") for label in _marked(steps, [arrived]))
 
 
 def test_a_kidnap_is_a_line_from_where_to_where():
