@@ -15,6 +15,7 @@ from typing import Any
 from rhs.api.metric import RunFiles, columns_of
 
 from .shares import Losses, middle, shapley
+from .success import places_within_reach
 from .survey import NAN
 
 CAUSAL = ("drive", "sense", "odometry", "closing", "map", "localise", "plan")  # an error goes on to those after
@@ -33,12 +34,13 @@ SMALL = 0.05  # of the loss: a link that cost less is not named
 
 
 def losses_of(columns: Mapping[str, object]) -> dict[str, float]:
-    """What one patrol lost in each measure, from the columns of its row; NaN where nobody knows."""
+    """What one patrol lost in each measure, from the columns of its row; NaN where nobody knows. A place that nobody can get
+    to is no loss."""
     def number(name: str) -> float:
         value = columns.get(name)
         return float(value) if isinstance(value, int | float) else NAN
 
-    return {"places": number("places_total") - number("places_visited"), "belief": number("patrol_rmse_m"),
+    return {"places": places_within_reach(columns) - number("places_visited"), "belief": number("patrol_rmse_m"),
             "ate": number("ate_unaligned_m"), "way": number("path_length_m") - number("path_optimal_informed_m"),
             "time": number("idleness_worst_s") - number("idleness_bound_s")}
 

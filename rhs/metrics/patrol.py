@@ -55,11 +55,15 @@ def within_reach(run: RunFiles, facts: dict) -> Values:
     found = run.json("reach")
     if found is None:
         return {"places_reachable": NAN, "places_undecided": NAN}
+    surely, perhaps = gets_to(found, facts)
+    return {"places_reachable": int(surely.sum()), "places_undecided": int((perhaps & ~surely).sum())}
+
+
+def gets_to(found: dict, facts: dict) -> tuple[np.ndarray, np.ndarray]:
+    """((N,) bool: a robot of this size surely gets to each place of reach.json, (N,) bool: at least perhaps)."""
     room_m, unsure_m = np.array([place["room_m"] for place in found["places"]]), found["unsure_m"]
     wide_m, narrow_m = body_radii_m(facts)
-    surely = room_m >= wide_m + unsure_m
-    perhaps = room_m >= narrow_m - unsure_m
-    return {"places_reachable": int(surely.sum()), "places_undecided": int((perhaps & ~surely).sum())}
+    return room_m >= wide_m + unsure_m, room_m >= narrow_m - unsure_m
 
 
 def body_radii_m(facts: dict) -> tuple[float, float]:

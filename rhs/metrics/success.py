@@ -1,6 +1,7 @@
 """Did a run do what it was asked to do? Apart from `status`, which only says that the program ended well.
 
-Planning: a path was found and the judge holds it valid. Patrol: every place was visited. Survey or recording: at least
+Planning: a path was found and the judge holds it valid. Patrol: every place was visited that
+a robot of its size may get to, as things then stood. Survey or recording: at least
 half of the views arrived, the odometry tracked at least half of these, and the map of a laser neither contradicts itself nor
 is unsure of its way; unrolling: at least half of the strips were registered.
 Localise: a laser that sits as was told, found after nine of ten starts, wrong and sure in 1 % of the views at most.
@@ -110,10 +111,17 @@ def _localised(row: Mapping[str, object]) -> tuple[float, str]:
 
 
 def _visited(row: Mapping[str, object]) -> tuple[float, str]:
-    total, visited = _number(row, "places_total"), _number(row, "places_visited")
-    if visited >= total:
+    within, visited = places_within_reach(row), _number(row, "places_visited")
+    if visited >= within:
         return 1.0, ""
-    return 0.0, f"{0 if math.isnan(visited) else visited:.0f} of {total:.0f} places"
+    barred = "" if within == _number(row, "places_total") else " that can be reached"
+    return 0.0, f"{0 if math.isnan(visited) else visited:.0f} of {within:.0f} places{barred}"
+
+
+def places_within_reach(row: Mapping[str, object]) -> float:
+    """How many places the robot surely or perhaps gets to; all of them where nobody knows, NaN where none was asked."""
+    total, surely, perhaps = (_number(row, f"places_{name}") for name in ("total", "reachable", "undecided"))
+    return total if math.isnan(surely + perhaps) else surely + perhaps
 
 
 def _number(row: Mapping[str, object], name: str) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid
 from rhs.api.trajectory import Trajectory, aligned, read_tum
 from rhs.metrics.accuracy import pair
-from rhs.metrics.patrol import arrived_elsewhere
+from rhs.metrics.patrol import arrived_elsewhere, gets_to
 from rhs.runfolder.run import Run
 
 from .event_marks import draw_happenings, draw_moving, draw_unknown
@@ -173,27 +173,39 @@ def draw_plans(axes: Axes, folder: Path) -> None:
 
 
 def draw_places(axes: Axes, folder: Path) -> None:
-    """Places by name; an empty ring where the robot never arrived, one with a cross where it only believed it had."""
-    missions = json_of(folder / "missions.json") or []
+    """Places by name, each with what became of it."""
+    facts, missions = json_of(folder / "facts.json") or {}, json_of(folder / "missions.json") or []
+    patrol = [step for step in Run(folder).steps if step["phase"] == "patrol"]
     arrived = {m["place"] for m in missions if m["status"] == "arrived"}
-    mistaken = arrived_elsewhere(missions, [step for step in Run(folder).steps if step["phase"] == "patrol"])
+    mistaken = arrived_elsewhere(missions, patrol)
     elsewhere = {m["place"] for m in missions if str(m["mission"]) in mistaken}
-    places = (json_of(folder / "facts.json") or {}).get("places", ())
-    goals = {place["name"]: (place["x_m"], place["y_m"]) for place in places}
-    for name, goal in goals.items():
-        face = COLOURS["place"] if name in arrived - elsewhere else "none"
-        if name in elsewhere:
-            axes.plot(goal[0], goal[1], "x", markersize=10, color=COLOURS["place"], zorder=5)
-        axes.plot(goal[0], goal[1], "o", markersize=7, markerfacecolor=face, markeredgecolor=COLOURS["place"], zorder=5)
-        axes.annotate(name, (goal[0], goal[1]), xytext=(6, 6), textcoords="offset points", fontsize=8, zorder=6,
+    barred = _barred(folder, facts)
+    red, grey = COLOURS["place"], "#777777"
+    styles = {"place reached": ("o", red, red), "place not reached": ("o", "none", red),
+              "said to be reached, but the robot was elsewhere": ("X", red, "white"),
+              "place that cannot be reached": ("o", "white", grey), "place, not asked for": ("o", "none", red)}
+    reached, missed, wrong, shut, idle = styles
+    used = [reached, missed] if missions and facts.get("places") else []
+    for place in facts.get("places", ()):
+        name, at = place["name"], (place["x_m"], place["y_m"])
+        became = idle if not missions else wrong if name in elsewhere else reached if name in arrived \
+            else shut if name in barred else missed
+        marker, face, edge = styles[became]
+        axes.plot(*at, marker, markersize=7, markerfacecolor=face, markeredgecolor=edge, zorder=5)
+        axes.annotate(name, at, xytext=(6, 6), textcoords="offset points", fontsize=8, zorder=6,
                       bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1})
-    if goals and not missions:
-        axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=COLOURS["place"], label="place, not asked for")
-    elif goals:
-        axes.plot([], [], "o", color=COLOURS["place"], label="place reached")
-        axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=COLOURS["place"], label="place not reached")
-    if elsewhere:
-        axes.plot([], [], "x", color=COLOURS["place"], label="said to be reached, but the robot was elsewhere")
+        used.append(became)
+    for label in dict.fromkeys(used):
+        marker, face, edge = styles[label]
+        axes.plot([], [], marker, markerfacecolor=face, markeredgecolor=edge, label=label)
+
+
+def _barred(folder: Path, facts: dict[str, Any]) -> set[str]:
+    """Places that the robot is too large to get to, as things stand on the patrol."""
+    if (found := json_of(folder / "reach.json")) is None:
+        return set()
+    _, perhaps = gets_to(found, facts)
+    return {place["name"] for place, there in zip(found["places"], perhaps, strict=True) if not there}
 
 
 def extent(grid: OccupancyGrid) -> tuple[float, float, float, float]:

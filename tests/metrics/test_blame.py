@@ -169,6 +169,8 @@ def test_standing_about_is_told_in_seconds():
 
 
 def test_losses_are_unknown_where_the_row_does_not_know():
+    barred = {"places_total": 4, "places_reachable": 3, "places_undecided": 0, "places_visited": 2}
+    assert losses_of(barred)["places"] == 1
     found = losses_of({"places_total": 4, "places_visited": 0, "path_length_m": 3.0, "patrol_rmse_m": float("nan")})
     assert losses_of({"path_length_m": 12.5, "path_optimal_informed_m": 10.0})["way"] == 2.5
     assert losses_of({"idleness_worst_s": 90.0, "idleness_bound_s": 55.0})["time"] == 35.0
