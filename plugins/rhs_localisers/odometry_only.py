@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rhs.api.contracts import Context, Localiser, PartSettings
 from rhs.api.records import Belief, BeliefStatus, Motion, Observation, View
+
+SURE = 0.9  # chance of being right above which it calls itself tracking, as `sift_db` does
 
 
 @dataclass
@@ -19,24 +21,35 @@ class OdometryOnly(PartSettings):
 
 
 class DeadReckoning:
-    """Adds motions to the first belief. Started from nothing it stays lost for ever."""
+    """Adds motions to the first belief, as unsure as that and the map there are. Started from nothing it stays lost."""
 
     def __init__(self) -> None:
         import numpy as np
 
-        self._belief = Belief(np.eye(4), np.diag([100.0] * 3 + [10.0] * 3), BeliefStatus.LOST, 0.0)
+        from .map_spread import MapSpread
+
+        self._spread = MapSpread()
+        self._belief = self._nowhere = Belief(np.eye(4), np.diag([100.0] * 3 + [10.0] * 3), BeliefStatus.LOST, 0.0)
 
     def learn(self, views: Sequence[View], grid: Any) -> None:
-        """Nothing: dead reckoning has no use for the survey."""
+        """How unsure the survey is; dead reckoning has no other use for it."""
+        from .map_spread import MapSpread
+
+        self._spread = MapSpread(views)
 
     def start(self, belief: Belief | None) -> None:
         if belief is None:
-            self.__init__()  # type: ignore[misc]
-        else:
-            self._belief = belief
+            self._belief = self._nowhere
+            return
+        from rhs.api.belief import chance_right
+
+        covariance = belief.covariance + self._spread.at(belief.map_from_body)
+        left = chance_right(covariance) / max(chance_right(belief.covariance), 1e-12)
+        self._belief = replace(belief, covariance=covariance, probability=belief.probability * left)
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
         from rhs.api.belief import moved
 
         self._belief = moved(self._belief, motion)
-        return self._belief
+        unsure = self._belief.status.on_map and self._belief.probability < SURE
+        return replace(self._belief, status=BeliefStatus.DEGRADED) if unsure else self._belief

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from rhs.api.belief import RIGHT_M, RIGHT_RAD
+from rhs.api.belief import RIGHT_M, RIGHT_RAD, chance_right
 from rhs.api.contracts import Context
 from rhs.api.geometry import planar, se2
 from rhs.api.grid import OccupancyGrid
@@ -37,6 +37,7 @@ from rhs.estimation.views.motion_consistency import Continuity, scan_continuity
 
 from .advanced import ParticleAdvanced, ScanAdvanced
 from .confirmation import Confirmation, Contradiction
+from .map_spread import MapSpread
 from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import NamedPlaces, PlaceEvidence
 from .scan_fit import FitWatch
@@ -70,11 +71,13 @@ class ParticleLocaliser:
         self._fit: FitWatch | None = None  # of scans alone
         self._fresh = 1.0  # how much of this view is new ...
         self._unsearched = 0.0  # ... and of the views since the map was searched
+        self._spread = MapSpread()
 
     def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """Take the map for the scans and the stored views for the places."""
         s = self._settings
         self._field = LikelihoodField(grid, s.advanced.likelihood, trust=s.scan_trust, surprise=s.surprise)
+        self._spread = MapSpread(views)
         if self._places is not None:
             self._places.learn(views, grid)
         if isinstance(s.advanced, ScanAdvanced):
@@ -289,6 +292,7 @@ class ParticleLocaliser:
         return 1.0 if self._fit is None else self._fit.chance
 
     def _belief(self, cluster: Peak) -> Belief:
+        pose = se2(*cluster.mean)
         covariance = np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])
         covariance[PLANE] = cluster.covariance
         assert self._cloud is not None
@@ -296,8 +300,12 @@ class ParticleLocaliser:
         standing = self._contradiction.chance(held=self._confirmation.held) * self._confirmation.chance
         if self._fit is not None:
             details |= {"fit_chance": self._fit.chance, "fit_share": self._fit.share}
-        probability = cluster.near * (1.0 - self._elsewhere) * standing * self._explained
-        return Belief(se2(*cluster.mean), covariance, self._status(), probability, details)
+        stated, status = covariance + self._spread.at(pose), self._status()
+        left = chance_right(stated) / chance_right(covariance)  # of the chance, by a map that is unsure itself
+        probability = cluster.near * (1.0 - self._elsewhere) * standing * self._explained * left
+        if status is BeliefStatus.TRACKING and left < self._settings.tracking_above:
+            status = BeliefStatus.DEGRADED
+        return Belief(pose, stated, status, probability, details)
 
 
 def freshness(motion: Motion, a: ScanAdvanced) -> float:

@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, wrap
 from rhs.api.records import Closure, LoopEdge, View
-from rhs.estimation.views.loops import closing_gap, ends_meet, poses_of, travelled_m
+from rhs.estimation.views.loops import closing_gap, ends_meet, poses_of, travelled_m, unclosed_covariances
 from rhs.estimation.views.settings import SightingSettings
 
 from .error_distribution_config import ErrorDistribution
@@ -55,12 +55,14 @@ class ErrorSpreader:
         )  # fmt: skip
         judged = [self._judged(poses, edge) for edge in edges]
         used = next((edge for edge in judged if edge.accepted), None)
+        unsure = unclosed_covariances(views)
         if used is None:
-            return Closure(poses, tuple(judged), {"closures": 0.0})
+            return Closure(poses, tuple(judged), {"closures": 0.0}, unsure)
         judged = [replace(edge, accepted=False, reason=UNUSED) if edge.accepted and edge is not used else edge
                   for edge in judged]  # fmt: skip
         corrected = spread(poses, used, turned=self._settings.positions == "turned")
-        return Closure(corrected, tuple(judged), {"closures": 1.0, "closure_inliers": float(used.inliers)})
+        details = {"closures": 1.0, "closure_inliers": float(used.inliers)}
+        return Closure(corrected, tuple(judged), details, bridged(unsure, travelled_m(poses), used))
 
     def _judged(self, poses: np.ndarray, edge: LoopEdge) -> LoopEdge:
         """The edge, refused if the odometry cannot have been that wrong."""
@@ -87,6 +89,16 @@ def spread(poses: np.ndarray, edge: LoopEdge, *, turned: bool = False) -> np.nda
     out[first : last + 1] = _corrected(part, wanted, slice(0, 6))
     out[first] = poses[first]
     out[last + 1 :] = out[last] @ inverse(poses[last]) @ poses[last + 1 :]
+    return out
+
+
+def bridged(unsure: np.ndarray, way_m: np.ndarray, edge: LoopEdge) -> np.ndarray:
+    """(N, 6, 6) how unsure poses are that this loop holds at its end, from how unsure they were: as its earlier view, and of
+    their own as much as there is way left to its later one (Brownian bridge), or way since."""
+    first, last = edge.earlier, edge.later
+    left = np.abs(way_m - way_m[last]) / np.maximum(np.maximum(way_m, way_m[last]) - way_m[first], 1e-9)
+    out: np.ndarray = unsure[first] + unsure * left[:, None, None]
+    out[:first] = unsure[:first]
     return out
 
 

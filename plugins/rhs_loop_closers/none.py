@@ -1,4 +1,4 @@
-"""Loop closer `none`: the survey stays as the odometry believed it."""
+"""Loop closer `none`: the survey stays as the odometry believed it, and as unsure as its motions say."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ class Unclosed:
     """Returns the poses it was given."""
 
     def close(self, views: Sequence[View]) -> Closure:
-        import numpy as np
+        from rhs.estimation.views.loops import poses_of, unclosed_covariances
 
-        poses = [view.map_from_body for view in views]
-        return Closure(np.stack(poses) if poses else np.empty((0, 4, 4)))
+        return Closure(poses_of(views), covariances=unclosed_covariances(views))
