@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from rhs.api.errors import Bounded, within
 from rhs.estimation.filters.settings import Effort
 from rhs.estimation.scans.settings import LineSettings, ScanLoopSettings
-from rhs.estimation.views.settings import MOTION_SHARE, DriftBounds, RansacSettings
+from rhs.estimation.views.settings import DriftBounds, RansacSettings
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,10 @@ class PoseGraphAdvanced(ClosingAdvanced):
     others go with their neighbours: solving takes 11 kB a node"""
     spread_poses: int = within(30, 1, 10_000)
     """at so many poses, evenly spaced, it is said how unsure the solved graph is of them,"""
-    motion_share: float = within(MOTION_SHARE, 0.0, 100.0)
-    """counting this share of the variance that motions state: the errors of neighbouring ones partly take each other away"""
+    motion_share: float = within(0.3, 0.0, 100.0)
+    """counting this share of the variance that motions state: the errors of neighbouring ones partly take each other away.
+    In eight surveys of plain buildings the squared error of the poses by the stated variance was 0.40 in the mean, at most
+    0.70 (1 is honest); with 1 it was 0.21, with 0.15 up to 1.1"""
     drift: DriftBounds = field(default_factory=DriftBounds)
     scan_loops: ScanLoopSettings = field(default_factory=ScanLoopSettings)
     walls: WallSettings = field(default_factory=WallSettings)

@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, wrap
 from rhs.api.records import Closure, LoopEdge, View
-from rhs.estimation.views.loops import closing_gap, ends_meet, poses_of, travelled_m, unclosed_covariances
+from rhs.estimation.views.loops import closing_gap, covariances_of, ends_meet, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
 
 from .error_distribution_config import ErrorDistribution
@@ -55,7 +55,7 @@ class ErrorSpreader:
         )  # fmt: skip
         judged = [self._judged(poses, edge) for edge in edges]
         used = next((edge for edge in judged if edge.accepted), None)
-        unsure = unclosed_covariances(views)
+        unsure = covariances_of(views)
         if used is None:
             return Closure(poses, tuple(judged), {"closures": 0.0}, unsure)
         judged = [replace(edge, accepted=False, reason=UNUSED) if edge.accepted and edge is not used else edge

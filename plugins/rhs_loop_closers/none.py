@@ -21,6 +21,6 @@ class Unclosed:
     """Returns the poses it was given."""
 
     def close(self, views: Sequence[View]) -> Closure:
-        from rhs.estimation.views.loops import poses_of, unclosed_covariances
+        from rhs.estimation.views.loops import covariances_of, poses_of
 
-        return Closure(poses_of(views), covariances=unclosed_covariances(views))
+        return Closure(poses_of(views), covariances=covariances_of(views))

@@ -10,7 +10,7 @@ from rhs.api.geometry import inverse
 from rhs.api.records import LoopEdge, View
 
 from .features import match
-from .settings import MOTION_SHARE, SightingSettings
+from .settings import SightingSettings
 from .view_pose import Snapshot, sight
 
 
@@ -32,10 +32,9 @@ def in_a_hand(views: Sequence[View]) -> bool:
     return any(view.features is not None and view.camera.height_m == 0.0 for view in views)
 
 
-def unclosed_covariances(views: Sequence[View], share: float = MOTION_SHARE) -> np.ndarray:
-    """(N, 6, 6) how unsure the poses of a survey are that no loop corrects, against the first: a share of the variance that
-    its motions sum up to."""
-    return share * np.array([view.covariance for view in views]).reshape(-1, 6, 6)
+def covariances_of(views: Sequence[View]) -> np.ndarray:
+    """(N, 6, 6) of the poses of the views by the odometry alone, against the first."""
+    return np.array([view.covariance for view in views]).reshape(-1, 6, 6)
 
 
 def travelled_m(poses: np.ndarray, *, solid: bool = False) -> np.ndarray:

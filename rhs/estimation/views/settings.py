@@ -11,11 +11,6 @@ from rhs.api.errors import Bounded, within
 
 REFERENCE_WIDTH_PX = 320.0
 
-# Of the variance that motions state this much is counted in a map: errors of neighbouring ones partly take each other away.
-# In eight surveys of plain buildings the squared error of the poses by the stated variance was then 0.40 in the mean, at
-# most 0.70 (1 is honest); with 1 it was 0.21, with 0.15 up to 1.1.
-MOTION_SHARE = 0.3
-
 
 @dataclass(frozen=True)
 class RansacSettings(Bounded):
