@@ -1,10 +1,13 @@
 """Eq. 3.14 on loops one can compute by hand."""
 
+from dataclasses import replace
+
 import numpy as np
+from painted_survey import ring, survey
 
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.records import LoopEdge
-from rhs_loop_closers.error_distribution import spread
+from rhs_loop_closers.error_distribution import bridged, spread
 from rhs_loop_closers.none import NoClosing
 
 
@@ -59,8 +62,22 @@ def test_before_the_loop_nothing_moves_and_after_it_all_moves_with_the_end():
         np.testing.assert_allclose(inverse(out[5]) @ out[k], inverse(poses[5]) @ poses[k], atol=1e-12)
 
 
-def test_without_a_closer_the_poses_are_returned_as_they_are():
+def test_without_a_closer_the_poses_are_returned_as_they_are_and_as_unsure():
     assert NoClosing().build(None).close([]).poses.shape == (0, 4, 4)
+    views = [replace(view, covariance=(k + 1.0) * np.eye(6)) for k, view in enumerate(survey(ring(5)))]
+    closure = NoClosing().build(None).close(views)
+    np.testing.assert_array_equal(closure.poses[3], views[3].map_from_body)
+    np.testing.assert_array_equal(closure.covariances[:, 0, 0], [1, 2, 3, 4, 5, 6])
+
+
+def test_a_loop_leaves_a_bridge_of_what_its_poses_were_unsure_by():
+    """Way 0 to 10 m, a variance of 1 a metre: nothing at the loop's ends, most half way, what is added after it."""
+    way_m = np.arange(11.0)
+    unsure = way_m[:, None, None] * np.eye(6)
+    out = bridged(unsure, way_m, _edge(0, 8, se2(8.0, 0.0, 0.0)))
+    np.testing.assert_allclose(out[:, 0, 0], [0, 7 / 8, 12 / 8, 15 / 8, 16 / 8, 15 / 8, 12 / 8, 7 / 8, 0, 1, 2])
+    later = bridged(unsure, way_m, _edge(2, 8, se2(6.0, 0.0, 0.0)))[:, 0, 0]  # a loop that ends beside an unsure view
+    np.testing.assert_allclose(later[[0, 1, 8]], [0, 1, 2])
 
 
 def test_turned_undoes_an_error_of_heading_made_in_one_corner_and_printed_does_not():

@@ -7,9 +7,12 @@ import pytest
 from painted_survey import SMALL, context, look, ring, survey
 
 from rhs.api.geometry import inverse, se2
+from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.estimation.filters.pose_hypotheses import Hypothesis
 from rhs_localisers.map_spread import MapSpread
+from rhs_localisers.odometry_only import OdometryOnly
+from rhs_localisers.particle_filter_config import ParticleFilter
 from rhs_localisers.sift_db_config import SiftDb
 
 SURE, WIDE = np.diag([1e-4] * 3 + [1e-6] * 3), np.diag([0.3**2] * 3 + [np.radians(2.0) ** 2] * 3)
@@ -62,3 +65,20 @@ def test_a_localiser_that_knows_its_place_on_a_bent_map_is_not_sure_of_the_place
         belief = part.update(look(pose), Motion(inverse(before) @ pose, SMALL, Tracking.OK))
     assert belief.status is status and np.linalg.norm((inverse(path[-1]) @ belief.map_from_body)[:3, 3]) < 0.05
     assert (belief.probability > 0.9) == (status is BeliefStatus.TRACKING)
+
+
+@pytest.mark.parametrize("settings", [ParticleFilter(), OdometryOnly()])
+def test_every_localiser_is_as_unsure_as_its_map(settings):
+    """Of the same belief on a map that is sure, and on one that may lie 0.3 m off."""
+    pose, grid = se2(1.4, 0.0, 1.5), OccupancyGrid(np.zeros((60, 60), np.float32), 0.1, (-3.0, -3.0))
+    beliefs = []
+    for of_map in (SURE, WIDE):
+        part = settings.build(context())
+        part.learn([replace(view, of_map=of_map) for view in survey(ring(24))], grid)
+        part.start(Belief(pose, SMALL))
+        beliefs.append(part.update(look(pose), Motion(np.eye(4), SMALL, Tracking.OK)))
+    sure, unsure = beliefs
+    assert sure.status is BeliefStatus.TRACKING and unsure.status is BeliefStatus.DEGRADED
+    np.testing.assert_allclose(unsure.map_from_body, sure.map_from_body, atol=0.02)
+    assert unsure.covariance[0, 0] == pytest.approx(sure.covariance[0, 0] + 0.09, abs=0.005)
+    assert unsure.probability < 0.4 < 0.9 < sure.probability
