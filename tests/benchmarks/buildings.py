@@ -7,7 +7,8 @@ A sweep of `world=random:FAMILY` over seeds, each its own building, driven once;
 and 1. Further words are those of a run. Killed, it goes on where it stopped when the same command is given again.
 `reachable`: places that a disc of the robot's radius gets to from the end of the survey with the obstacles in place, on the
 true plan (places_reachable). `barred`: those of them to which nobody could have got for people, had he known where they
-would walk (walkers.py). `named`: of the places that nobody could get to, for things or people, those given up in such words.
+would walk (walkers.py). `named`: of the places that nobody could get to, for things or people, those given up in such words;
+for things also within 0.5 m of one of them.
 `clean`: every reachable one visited, nothing touched. The mean of wrong_sure (belief_wrong_sure_share) is over runs,
 collisions are summed; `no row`: failed or killed.
 Writes buildings.csv beside the runs. Seeds below 10000 are for building and tuning, those from 10000 on for judging only.
@@ -17,8 +18,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +29,7 @@ import numpy as np
 from shared import write
 from walkers import got_to
 
-from rhs.api.floorplan import World
+from rhs.api.floorplan import World, distance_m
 from rhs.base.provenance import commit
 from rhs.runfolder.row import read_row
 from rhs.worlds.random.names import FAMILIES, building_of
@@ -34,6 +37,7 @@ from rhs.worlds.world import load_world
 
 FIGURES = ("places_reachable", "places_undecided", "places_visited", "collisions", "belief_wrong_sure_share", "success",
            "ate_rmse_m", "wall_ms")
+NAMED_M = 0.5  # from the outline of what closes a way
 
 
 def main() -> int:
@@ -95,9 +99,19 @@ def not_got_to(world: World, folder: Path) -> dict[str, int]:
     barred = {place for place in missed if spare_m.get(place, np.nan) >= unsure_m}
     barred -= got_to(world, folder) if barred else set()
     shut = {place for place in missed if spare_m.get(place, np.nan) < -unsure_m}
-    rightly = [place for place in barred | shut if missed[place].startswith("no path")
-               and ("somebody" in missed[place]) == (place in barred)]
+    rightly = [place for place in barred | shut
+               if missed[place].startswith("no path") and ("somebody" in missed[place]) == (place in barred)
+               and (place in barred or near_thing(world, missed[place]))]
     return {"barred": len(barred), "closed": len(barred | shut), "named": len(rightly)}
+
+
+def near_thing(world: World, reason: str) -> bool:
+    """Whether the words name a spot beside one of the world's obstacles; a building without any is closed by its walls."""
+    if not world.obstacles:
+        return True
+    things = replace(world, walls=(), boxes=world.obstacles, obstacles=(), mesh=None)
+    spots = re.findall(r"\((-?[0-9.]+), (-?[0-9.]+)\) m", reason)
+    return any(distance_m(things, np.array(spot, float))[0] <= NAMED_M for spot in spots)
 
 
 def table(found: list[dict[str, Any]]) -> list[str]:
