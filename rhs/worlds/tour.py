@@ -120,6 +120,7 @@ class Ground:
         self.home = int(self.number[cell])
         self.points_m = grid.centres(self.cells)
         self.graph = self._graph()
+        self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs and the node before, at each node
 
     def _first(self, regions: np.ndarray, start: tuple[float, ...] | None) -> tuple[int, int]:
         """The cell to begin in: that of the start or the nearest that is wide enough, or the roomiest of the largest
@@ -163,16 +164,24 @@ class Ground:
         """Nodes from which all that can be seen is seen, each taking in as much as possible of what no other sees."""
         self.spots = self._roomiest(max(0.4, 2.0 * self.grid.resolution_m, math.sqrt(self.free_m2 / MOST_SPOTS)))
         self.sees = self._seen_from(self.spots)
-        self.needed = self.sees.any(axis=0)
-        missing = self.needed.copy()
-        chosen: list[int] = []
+        self.needed: np.ndarray = self.sees.any(axis=0)
+        return self._that_see(self.needed, 2)
+
+    def _that_see(self, missing: np.ndarray, least: int, *, inside: int = 1) -> list[int]:
+        """Nodes that see what is missing (squares,), each `least` of the squares or more that no other does, most first by
+        the price of their ground; one that lies in what is missing counts so many times."""
+        price, own = self.price[self.reached][self.spots], self._square(self.cells[self.spots].T)
+        missing, chosen = missing.copy(), list[int]()
+        taken = (self.sees & missing).sum(axis=1)
         while True:
-            gain = (self.sees & missing).sum(axis=1)
-            best = int(np.argmax(np.where(gain > 1, gain / self.price[self.reached][self.spots], 0.0)))
-            if gain[best] < 2:
+            gain = np.where(missing[own], inside * taken, taken)
+            best = int(np.argmax(np.where(gain >= least, gain / price, 0.0)))
+            if gain[best] < least:
                 return chosen
             chosen.append(int(self.spots[best]))
-            missing &= ~self.sees[best]
+            new = missing & self.sees[best]
+            taken -= self.sees[:, new].sum(axis=1)
+            missing &= ~new
 
     def _roomiest(self, spacing_m: float) -> np.ndarray:
         """(K,) nodes: the one with most clearance in each square of that size. Sets `self.spot_of` (nodes,)."""
@@ -229,16 +238,7 @@ class Ground:
     def missed(self, route_m: np.ndarray) -> list[int]:
         """Nodes from which what the camera missed is seen, each MISSED squares or more; none when little was missed. One
         that lies in what was missed counts twice: on the way there the camera looks at it."""
-        missing = self.needed & ~self.seen_ahead(route_m)
-        chosen: list[int] = []
-        while True:
-            gain = (self.sees & missing).sum(axis=1)
-            gain = np.where(missing[self._square(self.cells[self.spots].T)], 2 * gain, gain)
-            best = int(np.argmax(np.where(gain >= MISSED, gain / self.price[self.reached][self.spots], 0.0)))
-            if gain[best] < MISSED:
-                return chosen
-            chosen.append(int(self.spots[best]))
-            missing &= ~self.sees[best]
+        return self._that_see(self.needed & ~self.seen_ahead(route_m), MISSED, inside=2)
 
     def seen_by(self, nodes: np.ndarray) -> np.ndarray:
         """(squares,) bool: seen from a way through these nodes."""
@@ -251,14 +251,15 @@ class Ground:
         """(S, S) cost of the best way between stops; remembers the ways."""
         from scipy.sparse.csgraph import dijkstra
 
-        costs, self.before = dijkstra(self.graph, indices=stops, return_predecessors=True)
-        self.row_of = {int(stop): row for row, stop in enumerate(stops)}
-        matrix: np.ndarray = costs[:, stops]
-        return matrix
+        new = [stop for stop in dict.fromkeys(stops.tolist()) if stop not in self.ways]
+        if new:
+            costs, before = dijkstra(self.graph, indices=new, return_predecessors=True)
+            self.ways |= {stop: (costs[row], before[row]) for row, stop in enumerate(new)}
+        return np.array([self.ways[stop][0][stops] for stop in stops.tolist()])
 
     def way(self, a: int, b: int) -> list[int]:
         """Nodes from stop a to stop b, without a."""
-        before, nodes = self.before[self.row_of[a]], []
+        before, nodes = self.ways[a][1], []
         while b != a:
             nodes.append(b)
             b = int(before[b])
