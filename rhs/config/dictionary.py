@@ -41,8 +41,8 @@ RUN = _rows(
     "the run",
     ("status", "", "how the run ended: see statuses"),
     ("reason", "", "why it did not end well, in one line"),
-    ("success", "", "1: the run did what was asked of it (a patrol: every place that can be reached), 0: it did not; unknown "
-     "where nothing was asked"),
+    ("success", "", "1: the run did what was asked of it (a patrol: every place that can be reached), 0: it did not; "
+     "unknown where nothing was asked"),
     ("failure", "", "why not, in words"),
     ("task", "", "what was done: patrol, survey, localise, planning, places, unroll, or a plugin's"),
     ("world", "", "the world, map or recording; random:FAMILY: the building of that family whose number is the seed"),
