@@ -164,7 +164,7 @@ class Ground:
         """Nodes from which all that can be seen is seen, each taking in as much as possible of what no other sees."""
         self.spots = self._roomiest(max(0.4, 2.0 * self.grid.resolution_m, math.sqrt(self.free_m2 / MOST_SPOTS)))
         self.sees = self._seen_from(self.spots)
-        self.needed: np.ndarray = self.sees.any(axis=0)
+        self.needed = np.asarray(self.sees.any(axis=0))
         return self._that_see(self.needed, 2)
 
     def _that_see(self, missing: np.ndarray, least: int, *, inside: int = 1) -> list[int]:
