@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,9 @@ def patrol_story(folder: Path, row: Mapping[str, Any]) -> Story:
     """The story of a run folder that has a changes.json."""
     missions, rows = json_of(folder / "missions.json") or [], json_of(folder / "changes.json") or []
     places = tuple(_place(folder, row) for row in rows)
-    return Story((*_what_happened(missions, rows), *_of_the_row(row), *_of_the_steps(folder, missions)), places)
+    patrol = [step for step in Run(folder).steps if step["phase"] == "patrol"]
+    mistaken = arrived_elsewhere(missions, patrol)
+    return Story((*_what_happened(missions, rows, mistaken), *_of_the_row(row), *_of_the_steps(patrol)), places)
 
 
 def _changed(rows: list[dict[str, Any]]) -> str:
@@ -59,10 +61,12 @@ def _changed(rows: list[dict[str, Any]]) -> str:
     return "Nothing was found changed " + ("at any of them." if len(compared) == len(rows) else f"at {', '.join(compared)}.")
 
 
-def _what_happened(missions: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
-    reached = [m["place"] for m in missions if m["status"] == "arrived"]
+def _what_happened(missions: list[dict[str, Any]], rows: list[dict[str, Any]], mistaken: Mapping[str, float]) -> list[str]:
+    reached = [m["place"] for m in missions if m["status"] == "arrived" and str(m["mission"]) not in mistaken]
     given_up = [m for m in missions if m["status"] == "gave_up"]
     lines = [f"The robot reached {_count(len(reached), 'place')}: {', '.join(reached) or 'none'}."]
+    lines += [f"It was mistaken when it said that it had reached {m['place']}: it stood {off_m:.1f} m from it."
+              for m in missions if (off_m := mistaken.get(str(m["mission"]))) is not None]
     lines.append(_changed(rows))
     lines += [f"It gave {m['place']} up: {m['reason']}." for m in given_up]
     lines += [f"On the way to {m['place']} something stood in the way: {m['reason']}; it set out anew." for m in missions
@@ -80,21 +84,16 @@ def _of_the_row(row: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _of_the_steps(folder: Path, missions: list[dict[str, Any]]) -> list[str]:
-    """How long it did not know where it was, and where it was mistaken."""
-    if not (steps := Run(folder).steps):
+def _of_the_steps(patrol: Sequence[Mapping[str, str]]) -> list[str]:
+    """How long it did not know where it was."""
+    if not patrol:
         return []
-    patrol = [row for row in steps if row["phase"] == "patrol"]
     on_map = {status for status in BeliefStatus if status.on_map}
     lost = sum(row["belief_status"] not in on_map for row in patrol)
     bent = sum(row["belief_status"] == BeliefStatus.DEGRADED for row in patrol)
     lines = [f"In {lost} of {len(patrol)} views it did not know where it was."] if lost else \
         [f"It knew where it was in all {len(patrol)} views."]
-    if bent:
-        lines.append(f"In {bent} of them it knew its place on its map, which may be bent there.")
-    mistaken = arrived_elsewhere(missions, patrol)
-    return lines + [f"It was mistaken when it said that it had reached {m['place']}: it stood {off_m:.1f} m from it."
-                    for m in missions if (off_m := mistaken.get(str(m["mission"]))) is not None]
+    return [*lines, f"In {bent} of them it knew its place on its map, which may be bent there."] if bent else lines
 
 
 def _place(folder: Path, row: dict[str, Any]) -> PlaceStory:

@@ -11,6 +11,7 @@ from helpers.synthetic_run import make_run
 from rhs.reports.patrol_story import _changed, patrol_story
 from rhs.reports.report import html
 from rhs.runfolder.row import write_row
+from rhs.runfolder.run import Run
 
 SQUARE = [[10.0, 10.0], [40.0, 10.0], [40.0, 30.0], [10.0, 30.0]]
 
@@ -23,8 +24,10 @@ def run(tmp_path):
                 {"mission": 2, "place": "east", "status": "arrived", "reason": "", "replans": 1},
                 {"mission": 3, "place": "north", "status": "gave_up", "reason": "no path: goal blocked", "replans": 0},
                 {"mission": 4, "place": "west", "status": "arrived", "reason": "", "replans": 0}]
+    arrivals = [step for step in Run(folder).steps if "arrived" in step["event"]]
+    stood = iter([(float(step["true_x_m"]), float(step["true_y_m"])) for step in arrivals])
     for mission in missions:
-        mission |= {"goal_m": [0, 0], "start_m": [0, 0], "steps": 3}
+        mission |= {"goal_m": next(stood) if mission["status"] == "arrived" else [0, 0], "start_m": [0, 0], "steps": 3}
     (folder / "missions.json").write_text(json.dumps(missions))
     pose = {"index": 5, "x_m": 1.0, "y_m": 2.0, "yaw_rad": 0.0, "sigma_m": 0.02, "sigma_yaw_rad": 0.01}
     change = {"verdict": "new", "width_m": 0.3, "height_m": 0.25, "at_m": [2.0, 2.0, 0.1], "outline_px": SQUARE,
@@ -49,6 +52,15 @@ def test_the_words_say_what_the_files_say(run):
     east, west = story.places
     assert east.found == "new: 0.30 m wide, 0.25 m high, near (2.0, 2.0) m." and "was sure" in east.sure
     assert west.found.startswith("Not compared") and "not sure" in west.sure
+
+
+def test_a_place_that_was_only_believed_to_be_reached_is_not_called_reached(run):
+    missions = json.loads((run / "missions.json").read_text())
+    missions[1]["goal_m"][0] += 3.0
+    (run / "missions.json").write_text(json.dumps(missions))
+    said = " ".join(patrol_story(run, {}).lines)
+    assert "reached 1 place: west" in said
+    assert "mistaken when it said that it had reached east: it stood 3.0 m from it" in said
 
 
 def test_what_was_found_on_the_way_stands_behind_the_places(run):
