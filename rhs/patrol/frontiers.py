@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.api.errors import check_ranges
+from rhs.api.errors import Bounded, within
 from rhs.api.geometry import wrap
 from rhs.api.grid import OccupancyGrid, configuration_space
 
@@ -23,38 +23,32 @@ AT_ONCE = 64  # places whose rays are cast together
 
 
 @dataclass(frozen=True)
-class ExploreSettings:
+class ExploreSettings(Bounded):
     """How the robot explores (mission.survey=explore)."""
 
-    views: int = 6000
+    views: int = within(6000, 1, 10_000_000)
     """after so many views the robot goes home, whatever is left"""
-    coverage: float = 1.0
+    coverage: float = within(1.0, 0.01, 1.0)
     """share of the cells within the world's bounds that is known when the robot goes home; 1: never, frontiers decide (the
     insides of blocks and walls are never known)"""
-    sight_m: float = 4.0
+    sight_m: float = within(4.0, 0.5, 100.0)
     """unknown ground further than this from a place is no reason to go there, metres: half of what a depth camera sees, for
     walls not known yet"""
-    least_m2: float = 0.3
+    least_m2: float = within(0.3, 0.0, 1e4)
     """less unknown ground than this is no reason to go anywhere, square metres: a robot of 0.3 m radius covers as much"""
-    frontier_m: float = 0.3
+    frontier_m: float = within(0.3, 0.0, 100.0)
     """a shorter frontier is a seam between views, metres"""
-    view_deg: float = 50.0
+    view_deg: float = within(50.0, 5.0, 360.0)
     """what the camera sees at once, degrees; a Kinect sees 57"""
-    here_m: float = 1.0
+    here_m: float = within(1.0, 0.01, 100.0)
     """added to every way, metres: a place at hand is not worth infinitely much"""
-    turn_m: float = 0.3
+    turn_m: float = within(0.3, 0.0, 100.0)
     """turning by a radian costs as much as so many metres"""
-
     places: bool = True
     """before it goes home the robot looks round at those places of the patrol that it has not been near: a localiser knows
     again what was looked at, not what was only mapped"""
-    place_m: float = 1.0
+    place_m: float = within(1.0, 0.0, 100.0)
     """that near, metres"""
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, place_m=(0.0, 100.0), views=(1, 10_000_000), coverage=(0.01, 1.0), sight_m=(0.5, 100.0),
-                     least_m2=(0.0, 1e4), frontier_m=(0.0, 100.0), view_deg=(5.0, 360.0), here_m=(0.01, 100.0),
-                     turn_m=(0.0, 100.0))
 
 
 @dataclass(frozen=True)
