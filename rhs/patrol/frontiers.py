@@ -16,6 +16,7 @@ import numpy as np
 from rhs.api.errors import Bounded, within
 from rhs.api.geometry import wrap
 from rhs.api.grid import OccupancyGrid, configuration_space
+from rhs.worlds.clearance import ways_m
 
 RAYS = 72  # every five degrees
 STRIDE_M = 0.3  # between the places that are weighed
@@ -110,28 +111,11 @@ class Frontiers:
 
     def ways_m(self, at_m: np.ndarray) -> np.ndarray:
         """(H, W) length of the way to each cell where the robot may be, metres; inf where none leads."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import dijkstra
-
-        ways = np.full(self.grid.shape, np.inf)
         cells = np.argwhere(self.open_)
         if not len(cells):
-            return ways
-        number = np.full(self.grid.shape, -1)
-        number[self.open_] = np.arange(len(cells))
-        height, width = self.grid.shape
-        one, other, lengths = [], [], []
-        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            a = number[: height - dr, max(0, -dc): width - max(0, dc)].ravel()
-            b = number[dr:, max(0, dc): width + min(0, dc)].ravel()
-            both = (a >= 0) & (b >= 0)
-            one.append(a[both])
-            other.append(b[both])
-            lengths.append(np.full(int(both.sum()), self.grid.resolution_m * float(np.hypot(dr, dc))))
-        graph = coo_array((np.concatenate(lengths), (np.concatenate(one), np.concatenate(other))), (len(cells), len(cells)))
-        start = int(np.argmin(np.linalg.norm(self.grid.centres(cells) - at_m, axis=1)))
-        ways[self.open_] = dijkstra(graph.tocsr(), directed=False, indices=start)
-        return ways
+            return np.full(self.grid.shape, np.inf)
+        start = cells[np.argmin(np.linalg.norm(self.grid.centres(cells) - at_m, axis=1))]
+        return ways_m(self.open_, self.grid.resolution_m, start)
 
     def seen_m2(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """((K,) unknown ground in the best view from each of (K, 2) cells, square metres; (K,) heading of that view)."""
