@@ -40,22 +40,20 @@ class Gate(Bounded):
     probability: float = within(0.999999, 0.5, 1.0 - 1e-12)
     """chance that a good motion passes; the rest, one in a million, is replaced by the wheels"""
     wheel_share: float = within(0.1, 0.0, 1.0)
-    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
-    stamps that do not fit and floors that are not flat"""
+    """error of the wheels (1 sigma) as a share of distance and turn: wider than encoders are, for time stamps that do not
+    fit and floors that are not flat"""
     wheel_least_m: float = within(0.02, 1e-6, 10.0)
-    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
-    stamps that do not fit and floors that are not flat"""
+    """and of the distance at least so much, metres (1 sigma)"""
     wheel_least_rad: float = within(0.02, 1e-6, 3.0)
-    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
-    stamps that do not fit and floors that are not flat"""
+    """and of the turn at least so much, radians (1 sigma)"""
     slip_share: float = within(0.5, 0.0, 1.0)
     """wheels that spin may count up to this share of their travel without moving the robot"""
     patience: int = within(10, 1, 1_000_000)
     """after so many contradictions on end the wheels are doubted, not vision"""
     leap_mps: float = within(3.0, 0.01, 1000.0)
-    """without wheels: greatest change of speed between two views, m/s and rad/s; hands and robots stay far below"""
+    """without wheels: greatest change of speed between two views, m/s; hands and robots stay far below"""
     leap_radps: float = within(6.0, 0.01, 1000.0)
-    """without wheels: greatest change of speed between two views, m/s and rad/s; hands and robots stay far below"""
+    """and of turn rate, rad/s"""
 
 
 @dataclass

@@ -33,11 +33,9 @@ class Unrolling(Bounded):
     """the bend: given (by `pieces`; straight if they are empty), or found from the views, which are looked at twice for
     it"""
     start_left_m: float = 0.0
-    """where the camera is at the first view, left of and above the middle of the section, metres; it looks along the
-    tube"""
+    """where the camera is at the first view, left of the middle of the section, metres; it looks along the tube"""
     start_up_m: float = 0.0
-    """where the camera is at the first view, left of and above the middle of the section, metres; it looks along the
-    tube"""
+    """and above the middle of the section, metres"""
     near_sizes: float = within(1.2, 0.2, 20.0)
     """a strip begins so many sizes ahead of the camera ..."""
     far_sizes: float = 3.5
