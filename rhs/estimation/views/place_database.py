@@ -53,6 +53,10 @@ class PlaceAnswer:
     ranked: np.ndarray
     scores: np.ndarray
 
+    @property
+    def abstained(self) -> bool:
+        return self.best is None
+
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
