@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from rhs.api.contracts import PartSettings, Source, SourceContext
 from rhs.api.errors import ConfigError, check_range, one_of, within
+from rhs.worlds.tubes import check_pieces
 
 
 @dataclass
@@ -58,16 +59,7 @@ class Tube(PartSettings):
                               "expected k1, k2, p1, p2 and perhaps k3, or none")
         for value in self.distortion:
             check_range("", "distortion", value, low=-2.0, high=2.0)
-        self._check_pieces()
-
-    def _check_pieces(self) -> None:
-        if len(self.pieces) % 2:
-            raise ConfigError(f"pieces={list(self.pieces)} has {len(self.pieces)} numbers; expected pairs of "
-                              "metres and degrees, for example [1,0,2,30]")
-        for length_m, bend_deg in zip(self.pieces[::2], self.pieces[1::2], strict=True):
-            check_range("", "pieces (length)", length_m, low=0.01, high=1000.0, unit="m")
-            tightest = 57.29578 * length_m / (1.5 * self.size_m)
-            check_range("", "pieces (bend)", bend_deg, low=-tightest, high=tightest, unit="degrees")
+        check_pieces(self.pieces, self.size_m, least_m=0.01)
 
     def build(self, context: SourceContext) -> Source:
         """context: rhs.api.contracts.SourceContext; the world is not looked at."""
