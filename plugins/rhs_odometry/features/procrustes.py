@@ -60,7 +60,7 @@ class ProcrustesOdometry(Odometry):
 
     def update(self, observation: Observation) -> Motion:
         """Motion of the body since the previous observation: match, find the rigid motion, refine, judge."""
-        current = vision.features(observation, self._feature_settings)
+        current = self._features(observation)
         if self._reference is None:
             self._reference = Reference(current)
             return Motion(np.eye(4), 1e-12 * np.eye(6), Tracking.OK, reason="first view")
@@ -79,6 +79,9 @@ class ProcrustesOdometry(Odometry):
             return Reference(current)
         covariance = compose_covariance(old.covariance, motion.previous_from_body, motion.covariance)
         return Reference(old.features, old.reference_from_previous @ motion.previous_from_body, covariance, old.age + 1)
+
+    def _features(self, observation: Observation) -> Features:
+        return vision.features(observation, self._feature_settings)
 
     @property
     def _ratio(self) -> float:
