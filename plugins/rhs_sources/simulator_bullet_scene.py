@@ -47,8 +47,7 @@ class BulletScene(Client, Scene):
         self.projection = projection(camera, half=0.0 if self.renderer == "tinyrenderer" else 1.0)
         look.folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=look.folder, prefix="scene.tmp-") as scratch, quiet():
-            for quads, image in lit(building(self.world, self.look.px_per_m), self.world.light):
-                self._show(Path(scratch), quads, image)
+            self._build(Path(scratch))
 
     def _load_egl(self) -> bool:
         """Whether PyBullet's OpenGL renderer works here: without EGL it ends the process, so a child tries first."""
@@ -61,6 +60,10 @@ class BulletScene(Client, Scene):
         done = subprocess.run([sys.executable, "-c", probe, spec.origin], capture_output=True, check=False)
         return done.returncode == 0 and pybullet.loadPlugin(
             spec.origin, "_eglRendererPlugin", physicsClientId=self.client) >= 0
+
+    def _build(self, scratch: Path) -> None:
+        for quads, image in lit(building(self.world, self.look.px_per_m), self.world.light):
+            self._show(scratch, quads, image)
 
     def _show(self, scratch: Path, quads: list[Quad], image: np.ndarray) -> None:
         """Add quads wearing parts of one image, cut into pieces.
