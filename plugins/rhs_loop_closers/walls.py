@@ -21,6 +21,7 @@ import numpy as np
 from rhs.api.geometry import inverse, planar, wrap
 from rhs.api.records import View
 from rhs.estimation.filters.pose_graph import Edges, adjoints
+from rhs.estimation.scans.planar_poses import between
 from rhs.estimation.scans.wall_lines import WallLine, find_wall_lines
 
 from .advanced import WallSettings
@@ -166,7 +167,7 @@ def _shared_m(
         drift_rad = settings.drift_rad_per_m * (at[0] - then_m) + settings.drift_share * (at[1] - then_rad)
         if abs(wrap(state[2] - yaw_rad)) > settings.match_sigma * sigma_rad + drift_rad:
             return -np.inf
-    x_m, y_m, turned = _seen_from(wall.state, state)
+    x_m, y_m, turned = between(wall.state, state)
     low, high = max(x_m + line.ends_m[0], wall.stretch[0]), min(x_m + line.ends_m[1], wall.stretch[1])
     lever_m = 0.5 * (low + high) - x_m
     off_m = abs(y_m + lever_m * turned)
@@ -177,15 +178,9 @@ def _shared_m(
 def _extend(wall: FollowedWall, line: WallLine, state: np.ndarray, at: tuple[float, float]) -> None:
     """The wall with the stretch of one more sighting; its frame moves there unless that sighting is much vaguer."""
     if line.sigma_rad <= 1.5 * wall.sigma_rad:
-        back_m = _seen_from(state, wall.state)[0]
+        back_m = between(state, wall.state)[0]
         wall.stretch = min(back_m + wall.stretch[0], line.ends_m[0]), max(back_m + wall.stretch[1], line.ends_m[1])
         wall.state, wall.sigma_rad, wall.frame = state, line.sigma_rad, (*at, float(state[2]))
         return
-    on_m = _seen_from(wall.state, state)[0]
+    on_m = between(wall.state, state)[0]
     wall.stretch = min(on_m + line.ends_m[0], wall.stretch[0]), max(on_m + line.ends_m[1], wall.stretch[1])
-
-
-def _seen_from(state: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(3,) planar pose `other` in the frame of `state`."""
-    c, s, dx, dy = np.cos(state[2]), np.sin(state[2]), other[0] - state[0], other[1] - state[1]
-    return np.array([c * dx + s * dy, c * dy - s * dx, wrap(other[2] - state[2])])

@@ -59,15 +59,11 @@ class PotentialFieldPlanner(CellPlanner):
         return out
 
 
-@typed(_FIELD(_FIELD, nb.float64, nb.float64, nb.float64))
-def _with_attraction(repulsion, step_m, goal_x, goal_y):
+def _with_attraction(repulsion: np.ndarray, step_m: float, goal_x: float, goal_y: float) -> np.ndarray:
     """The repulsion plus the distance in metres from each cell's centre to the goal."""
     rows, columns = repulsion.shape
-    out = np.empty((rows, columns))
-    for j in range(rows):
-        for i in range(columns):
-            out[j, i] = repulsion[j, i] + step_m * np.hypot(i + 0.5 - goal_x, j + 0.5 - goal_y)
-    return out
+    away = np.hypot(np.arange(columns) + 0.5 - goal_x, (np.arange(rows) + 0.5 - goal_y)[:, None])
+    return repulsion + step_m * away
 
 
 @compiled

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import ConfigError, check_range, within
+from rhs.api.errors import ConfigError, within
 from rhs.estimation.scans.settings import BandSettings
 from rhs.estimation.views.settings import DepthNoiseSettings
 
@@ -41,7 +41,7 @@ class Rgbd(Wheeled):
     """the quadratic part of sigma_z, 1/m (Nguyen 2012, Kinect); see depth_constant_m"""
     disparity_step_px: float = within(0.125, 0.0, 10.0)
     """disparity is reported in steps of this many pixels (Kinect: 1/8); 0 = exact"""
-    disparity_m_px: float = 43.5
+    disparity_m_px: float = within(43.5, 0.1, 10_000.0, unit="m px")
     """focal length times baseline, metre pixels (Kinect: 580 px * 0.075 m)"""
     image_sigma: float = within(2.0, 0.0, 255.0)
     """noise of each colour channel, grey levels of 255 (1 sigma)"""
@@ -53,7 +53,6 @@ class Rgbd(Wheeled):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("", "disparity_m_px", self.disparity_m_px, low=0.1, high=10_000.0, unit="m px")
         if self.scan_rows % 2 == 0:
             raise ConfigError(f"scan_rows={self.scan_rows} is even; expected an odd number such as 1 or 3")
 

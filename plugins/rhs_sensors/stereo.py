@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from rhs.api.contracts import Context, Sensor
-from rhs.api.errors import Bounded, ConfigError, check_range, within
+from rhs.api.errors import Bounded, ConfigError, within
 from rhs.estimation.scans.settings import BandSettings, FloorEndSettings
 
 from .wheeled import Wheeled
@@ -50,7 +50,7 @@ class Stereo(Wheeled):
     """nearer things are not looked for, metres; see search_share"""
     search_share: float = within(0.2, 0.01, 0.9)
     """disparities are looked for up to this share of the image's width at most: the time that takes grows with it"""
-    block_px: int = 5
+    block_px: int = within(5, 1, 31)
     """side of the block that is compared, pixels, odd"""
     uniqueness_percent: int = within(10, 0, 99)
     """a disparity is unknown unless it is better by this many per cent than any other"""
@@ -61,17 +61,15 @@ class Stereo(Wheeled):
     has none to be found. Noise of image_sigma=2 alone makes 1.0"""
     beams: int = within(0, 0, 10_000)
     """beams of the scan, evenly spaced columns; 0 = one per image column"""
-    scan_rows: int = 5
+    scan_rows: int = within(5, 1, 99)
     """odd number of rows around the camera's height whose median is the scan"""
     advanced: StereoAdvanced = field(default_factory=StereoAdvanced)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, high in (("block_px", 31), ("scan_rows", 99)):
-            value = getattr(self, name)
-            check_range("", name, value, low=1, high=high)
-            if value % 2 == 0:
-                raise ConfigError(f"{name}={value} is even; expected an odd number such as 3 or 5")
+        for name in ("block_px", "scan_rows"):
+            if getattr(self, name) % 2 == 0:
+                raise ConfigError(f"{name}={getattr(self, name)} is even; expected an odd number such as 3 or 5")
 
     def build(self, context: Context) -> Sensor:
         from .stereo_sensor import StereoSensor

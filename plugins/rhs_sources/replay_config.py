@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from rhs.api.contracts import Source, SourceContext
-from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
-
-FORMATS = ("auto", "tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "run", "bag", "carmen", "video",
-           "frames", "clouds")
+from rhs.api.contracts import PartSettings, Source, SourceContext
+from rhs.api.errors import ConfigError, check_range, one_of, within
 
 
 @dataclass
-class Replay:
+class Replay(PartSettings):
     """A TUM RGB-D, 7-Scenes, KITTI, EuRoC or TartanAir folder, numbered images or point clouds, run.mcap, a ROS 2 or ROS 1
     bag, a video or a CARMEN laser log."""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "gray", "scan", "wheel", "extras"})
 
     path: str = ""
@@ -30,18 +26,19 @@ class Replay:
     """Of depth images that a camera beside the one of colour took, not registered to it: its [fx,fy,cx,cy] in pixels, or
     [fx,fy,cx,cy,x_m,y_m,z_m] with where it sits in the axes of the colour camera (right, down, ahead). Empty: depth is
     registered, but for camera=seven_scenes, or what a bag says. Of bags and folders of the forms tum and seven_scenes."""
-    format: str = "auto"
+    format: str = one_of("auto", "tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "run", "bag",
+                         "carmen", "video", "frames", "clouds")
     """How to read the path: auto, tum, seven_scenes, kitti, kitti_raw, tartan, vkitti, euroc, run (run.mcap), bag,
     carmen, video, frames (numbered images) or clouds; auto looks at the files."""
-    depth_scale: float = 0.0
+    depth_scale: float = within(0.0, 0.0, 1e6)
     """Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000)."""
-    max_depth_m: float = 20.0
+    max_depth_m: float = within(20.0, 0.1, 1e4)
     """Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m."""
     truth: str = ""
     """File of true poses, of the camera (of a CARMEN log or clouds, of the scanner): stamp tx ty tz qx qy qz qw, or of
     numbered files the 12 numbers of KITTI a view; empty: groundtruth.txt, *.freiburg or poses.txt in the folder, TRUEPOS in
     a CARMEN log; corrected: the poses that somebody corrected in a CARMEN log."""
-    rate_hz: float = 0.0
+    rate_hz: float = within(0.0, 0.0, 1e4)
     """Views a second of numbered images, clouds and videos and of 7-Scenes, whatever their names and the container say;
     0: what these say, else 30, of clouds 10, and no speed is judged by that."""
     stereo: bool = False
@@ -50,21 +47,21 @@ class Replay:
     relations: str = ""
     """File of true relations between scans (stamp1 stamp2 x y z roll pitch yaw) to judge the way by; empty: LOG.relations
     beside a laser log."""
-    max_difference_s: float = 0.02
+    max_difference_s: float = within(0.02, 0.0, 10.0)
     """Colour, depth and true pose belong together when their stamps differ by at most this, seconds (TUM's habit)."""
-    max_truth_gap_s: float = 0.1
+    max_truth_gap_s: float = within(0.1, 0.0, 1e4)
     """True poses are interpolated across gaps up to this long, seconds; beyond it the truth is unknown."""
-    max_jump_s: float = 60.0
+    max_jump_s: float = within(60.0, 0.01, 1e9)
     """A stamp further than this ahead of the one before is a jump of the clock, seconds; rejected when alone."""
-    start: int = 0
+    start: int = within(0, 0, 1e9)
     """First recorded view to use."""
-    stride: int = 1
+    stride: int = within(1, 1, 1e6)
     """Every how many of them."""
-    count: int = 0
+    count: int = within(0, 0, 1e9)
     """Number of views to use at most; 0 means all."""
-    phase: str = "survey"
+    phase: str = one_of("survey", "patrol", "localise", "all")
     """Part of a run recorded by rhs to hand out: survey, patrol, localise or all."""
-    views: str = "auto"
+    views: str = one_of("auto", "scans", "clouds")
     """What makes a view of a bag that holds several: images, else clouds, else scans (auto), or scans or clouds alone, each
     when it was taken; sensor=laser and sensor=lidar set it. A bag without these is read as by auto."""
     color_topic: str = ""
@@ -96,21 +93,14 @@ class Replay:
     extent_m: float = 0.0
     """Half the side of the square to map round the start, metres; a recording does not say how large its world is. 0: 10 m,
     with a lidar 200 m, and as much more as is seen."""
-    laser_fov_deg: float = 180.0
+    laser_fov_deg: float = within(180.0, 1.0, 360.0)
     """Beams of a CARMEN laser cover this many degrees, centred ahead."""
-    max_laser_m: float = 30.0
+    max_laser_m: float = within(30.0, 0.1, 1e3)
     """A laser reading of a CARMEN log at or beyond this means that nothing was hit, metres."""
 
     def __post_init__(self) -> None:
-        owner = "source.replay"
-        check_choice(owner, "format", self.format, FORMATS)
-        check_choice(owner, "views", self.views, ("auto", "scans", "clouds"))
-        check_choice(owner, "phase", self.phase, ("survey", "patrol", "localise", "all"))
-        check_ranges(owner, self, depth_scale=(0.0, 1e6), max_depth_m=(0.1, 1e4), max_difference_s=(0.0, 10.0),
-                     max_truth_gap_s=(0.0, 1e4), max_jump_s=(0.01, 1e9), rate_hz=(0.0, 1e4), start=(0, 1e9),
-                     stride=(1, 1e6), count=(0, 1e9), max_laser_m=(0.1, 1e3))
-        check_range(owner, "extent_m", self.extent_m or 1.0, low=1.0, high=1e3, unit="m")
-        check_range(owner, "laser_fov_deg", self.laser_fov_deg, low=1.0, high=360.0, unit="degrees")
+        super().__post_init__()
+        check_range("", "extent_m", self.extent_m or 1.0, low=1.0, high=1e3, unit="m")
         from .replay_mounts import mount_of
         from .replay_register import check_depth_camera
 
@@ -118,7 +108,7 @@ class Replay:
             mount_of(getattr(self, name), name)
         check_depth_camera(self.depth_camera)
         if not isinstance(self.camera, str):
-            _check_intrinsics(owner, self.camera)
+            _check_intrinsics(self.camera)
 
     def build(self, context: SourceContext) -> Source:
         from .replay import ReplaySource
@@ -126,20 +116,20 @@ class Replay:
         return ReplaySource(self, context.folder if context is not None else None)
 
 
-def _check_intrinsics(owner: str, values) -> None:
+def _check_intrinsics(values) -> None:
     try:
         numbers = [float(v) for v in values]
     except (TypeError, ValueError):
         numbers = []
     if len(numbers) not in (4, 8, 9):
-        found = f"{owner}.camera={values} is neither a preset nor four, eight or nine numbers"
+        found = f"camera={values} is neither a preset nor four, eight or nine numbers"
         raise ConfigError(f"{found}; type source.camera=[fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]")
     if numbers[1] < 0.0:
-        raise ConfigError(f"{owner}.camera fy={numbers[1]:g}: an axis that looks up (ICL-NUIM's own); images have y "
+        raise ConfigError(f"camera fy={numbers[1]:g}: an axis that looks up (ICL-NUIM's own); images have y "
                           f"down: type {-numbers[1]:g}")
     for name, value in zip(("fx", "fy"), numbers, strict=False):
-        check_range(owner, f"camera {name}", value, low=1.0, high=1e5, unit="pixels")
+        check_range("", f"camera {name}", value, low=1.0, high=1e5, unit="pixels")
     for name, value in zip(("cx", "cy"), numbers[2:4], strict=True):
-        check_range(owner, f"camera {name}", value, low=-1e5, high=1e5, unit="pixels")
+        check_range("", f"camera {name}", value, low=-1e5, high=1e5, unit="pixels")
     for name, value in zip(("k1", "k2", "p1", "p2", "k3"), numbers[4:], strict=False):
-        check_range(owner, f"camera {name}", value, low=-100.0, high=100.0)
+        check_range("", f"camera {name}", value, low=-100.0, high=100.0)

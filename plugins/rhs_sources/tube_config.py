@@ -5,74 +5,61 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import Source, SourceContext
-from rhs.api.errors import ConfigError, check_choice, check_range, check_ranges
+from rhs.api.contracts import PartSettings, Source, SourceContext
+from rhs.api.errors import ConfigError, check_range, one_of, within
+from rhs.worlds.tubes import check_pieces
 
 
 @dataclass
-class Tube:
+class Tube(PartSettings):
     """A camera led through one painted tube, round or rectangular, straight or bent, with a known texture."""
 
-    needs: ClassVar[frozenset[str]] = frozenset()
     provides: ClassVar[frozenset[str]] = frozenset({"image", "depth", "wheel", "command", "texture"})
 
-    shape: str = "round"
+    shape: str = one_of("round", "rectangular")
     """round or rectangular"""
-    size_m: float = 0.25
+    size_m: float = within(0.25, 0.01, 50.0)
     """radius, or half the width of the rectangle"""
-    aspect: float = 1.0
+    aspect: float = within(1.0, 0.1, 10.0)
     """height over width of the rectangle"""
     pieces: list[float] = field(default_factory=list)
     """The centre line: metres of a piece and its bend in degrees (left positive), one after the other; empty:
     straight."""
-    length_m: float = 4.0
+    length_m: float = within(4.0, 0.01, 1000.0)
     """the camera is led so far"""
-    step_m: float = 0.05
+    step_m: float = within(0.05, 0.001, 10.0)
     """metres between two views"""
-    speed_mps: float = 0.25
+    speed_mps: float = within(0.25, 0.001, 10.0)
     """metres per second; sets the stamps and the commands"""
-    wobble_share: float = 0.03
+    wobble_share: float = within(0.03, 0.0, 0.3)
     """the camera strays from the centre line by this share of size_m (rms)"""
-    wobble_deg: float = 1.0
+    wobble_deg: float = within(1.0, 0.0, 10.0)
     """the camera's angles stray by so much (rms), degrees"""
-    image_width: int = 320
+    image_width: int = within(320, 32, 4096)
     """pixels; the height is three quarters of it"""
-    hfov_deg: float = 90.0
+    hfov_deg: float = within(90.0, 10.0, 150.0)
     """horizontal field of view; wide, or the wall beside the camera is never seen"""
-    skew_px: float = 0.0
+    skew_px: float = within(0.0, -100.0, 100.0)
     """skew of the camera's axes, pixels"""
     distortion: list[float] = field(default_factory=list)
     """distortion of the lens: k1, k2, p1, p2, k3 as OpenCV has them; empty: none"""
-    camera_share: float = 0.5
+    camera_share: float = within(0.5, 0.05, 0.95)
     """height of the camera in the section: 0 at the bottom, 1 at the top"""
-    finest_share: float = 0.06
+    finest_share: float = within(0.06, 0.01, 1.0)
     """size of the texture's finest grains, share of size_m"""
-    command_bias_percent: float = 1.0
+    command_bias_percent: float = within(1.0, 0.0, 30.0)
     """lasting error of the distance against the command, per cent (1 sigma)"""
-    command_noise_percent: float = 3.0
+    command_noise_percent: float = within(3.0, 0.0, 30.0)
     """fresh error of each command, per cent (1 sigma)"""
 
     def __post_init__(self) -> None:
-        check_choice("source.tube", "shape", self.shape, ("round", "rectangular"))
-        check_ranges("source.tube", self, size_m=(0.01, 50.0), aspect=(0.1, 10.0), length_m=(0.01, 1000.0),
-                     step_m=(0.001, 10.0), speed_mps=(0.001, 10.0), wobble_share=(0.0, 0.3), wobble_deg=(0.0, 10.0),
-                     image_width=(32, 4096), hfov_deg=(10.0, 150.0), skew_px=(-100.0, 100.0), camera_share=(0.05, 0.95),
-                     finest_share=(0.01, 1.0), command_bias_percent=(0.0, 30.0), command_noise_percent=(0.0, 30.0))
+        super().__post_init__()
         if len(self.distortion) not in (0, 4, 5):
-            raise ConfigError(f"source.tube.distortion={list(self.distortion)} has {len(self.distortion)} numbers; "
+            raise ConfigError(f"distortion={list(self.distortion)} has {len(self.distortion)} numbers; "
                               "expected k1, k2, p1, p2 and perhaps k3, or none")
         for value in self.distortion:
-            check_range("source.tube", "distortion", value, low=-2.0, high=2.0)
-        self._check_pieces()
-
-    def _check_pieces(self) -> None:
-        if len(self.pieces) % 2:
-            raise ConfigError(f"source.tube.pieces={list(self.pieces)} has {len(self.pieces)} numbers; expected pairs of "
-                              "metres and degrees, for example [1,0,2,30]")
-        for length_m, bend_deg in zip(self.pieces[::2], self.pieces[1::2], strict=True):
-            check_range("source.tube", "pieces (length)", length_m, low=0.01, high=1000.0, unit="m")
-            tightest = 57.29578 * length_m / (1.5 * self.size_m)
-            check_range("source.tube", "pieces (bend)", bend_deg, low=-tightest, high=tightest, unit="degrees")
+            check_range("", "distortion", value, low=-2.0, high=2.0)
+        check_pieces(self.pieces, self.size_m, least_m=0.01)
 
     def build(self, context: SourceContext) -> Source:
         """context: rhs.api.contracts.SourceContext; the world is not looked at."""

@@ -15,6 +15,7 @@ from rhs.base.errors import (
     check_choice,
     check_range,
     check_ranges,
+    unit_of,
 )
 
 __all__ = ["Bounded", "ConfigError", "ContractError", "EngineError", "PluginError", "RecordingError", "RhsError",
@@ -23,11 +24,11 @@ __all__ = ["Bounded", "ConfigError", "ContractError", "EngineError", "PluginErro
 T = TypeVar("T")
 
 
-def within(default: T, low: float, high: float, *, below: str = "") -> T:
+def within(default: T, low: float, high: float, *, below: str = "", unit: str = "") -> T:
     """A number of a `Bounded` settings dataclass with the closed range [low, high] that it keeps: `share: float =
     within(0.5, 0.0, 1.0)`. A default of None is not looked at, nor is None where somebody types it. below: a setting of the
-    same class that is larger."""
-    limits = {"range": (low, high)} | ({"below": below} if below else {})
+    same class that is larger. unit: said of the range where the end of the name does not tell it (`check_ranges`)."""
+    limits = {"range": (low, high)} | ({"below": below} if below else {}) | ({"unit": unit} if unit else {})
     return dataclasses.field(default=default, metadata=limits)
 
 
@@ -37,7 +38,7 @@ def one_of(default: str, *others: str) -> str:
 
 
 def limits_of(cls: type, kind: str) -> dict[str, Any]:
-    """What the settings of a class keep to, by name. kind: `range` and `below`, see `within`, or `words`, see `one_of`."""
+    """What the settings of a class keep to, by name. kind: `range`, `below`, `unit` (see `within`) or `words` (`one_of`)."""
     fields = [item for base in reversed(cls.__mro__) for item in vars(base).get("__dataclass_fields__", {}).values()]
     return {item.name: item.metadata[kind] for item in fields if kind in item.metadata}
 
@@ -51,8 +52,10 @@ class Bounded:
     """
 
     def __post_init__(self) -> None:
-        ranges = limits_of(type(self), "range")
-        check_ranges("", self, **{name: ranges[name] for name in ranges if getattr(self, name) is not None})
+        units = limits_of(type(self), "unit")
+        for name, (low, high) in limits_of(type(self), "range").items():
+            if (value := getattr(self, name)) is not None:
+                check_range("", name, value, low=low, high=high, unit=units.get(name) or unit_of(name))
         for name, words in limits_of(type(self), "words").items():
             check_choice("", name, getattr(self, name), words)
         for low, high in limits_of(type(self), "below").items():

@@ -11,6 +11,7 @@ import difflib
 import enum
 import functools
 import math
+import re
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence
@@ -43,7 +44,7 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
     try:
         made = cls(**arguments)
     except ConfigError as error:
-        if owner and str(error).partition("=")[0] in names:  # a nested group knows its own names only
+        if owner and re.split(r"\W", str(error), maxsplit=1)[0] in names:  # a nested group knows its own names only
             raise ConfigError(f"{owner}.{error}") from error
         raise
     except (TypeError, ValueError) as error:

@@ -46,6 +46,11 @@ UNITS = {"m": "m", "m3": "m^3", "s": "s", "ms": "ms", "mps": "m/s", "rad": "rad"
          "px": "px", "hz": "Hz", "percent": "%", "mb": "MB"}
 
 
+def unit_of(name: str) -> str:
+    """The unit that the end of a setting's name tells, "" of one that tells none."""
+    return "" if "_per_" in name else UNITS.get(name.rpartition("_")[2], "")
+
+
 def check_range(owner: str, name: str, value: float, *, low: float, high: float, unit: str = "") -> None:
     """Refuse a number outside the closed range [low, high]; NaN and infinities are always outside.
 
@@ -62,8 +67,7 @@ def check_ranges(owner: str, settings: object, **ranges: tuple[float, float]) ->
     group nested in other settings passes the owner "", the key it stands under is put before the name when the configuration
     is read."""
     for name, (low, high) in ranges.items():
-        unit = "" if "_per_" in name else UNITS.get(name.rpartition("_")[2], "")
-        check_range(owner, name, getattr(settings, name), low=low, high=high, unit=unit)
+        check_range(owner, name, getattr(settings, name), low=low, high=high, unit=unit_of(name))
 
 
 def check_choice(owner: str, name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from rhs.api.errors import ConfigError, check_choice, check_ranges
+from rhs.api.errors import ConfigError, check_choice, within
 from rhs.metrics.blame import LINKS
 from rhs.patrol.tasks import Patrol
 
@@ -29,9 +29,9 @@ class Blame(Patrol):
     """try every combination of up to five links. Else a combination is left out where those with less and with more truth
     lost the same, and when the shares are known within half of what is worth a verdict (a quarter of a place, 5 cm of
     belief or survey, 0.5 m of way): one truth more is taken to make nothing worse"""
-    orders: int = 12
+    orders: int = within(12, 2, 10_000)
     """random orders of more than five links (Castro, Gomez and Tejada 2009); more orders, narrower intervals"""
-    processes: int = 0
+    processes: int = within(0, 0, 1024)
     """processes at a time; 0: one per core"""
 
     needs: ClassVar[frozenset[str]] = frozenset({"driving"})
@@ -45,7 +45,6 @@ class Blame(Patrol):
             check_choice("", "links", link, LINKS)
         if not self.links or len(set(self.links)) < len(self.links):
             raise ConfigError(f"links={self.links}: expected one or more different words of {', '.join(LINKS)}")
-        check_ranges("", self, orders=(2, 10_000), processes=(0, 1024))
 
     def build(self, context: RunContext) -> BlameJob:  # type: ignore[override]
         from rhs.patrol.job import with_obstacles, with_people

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rhs.api.errors import check_ranges
+from rhs.api.errors import Bounded, within
 from rhs.api.geometry import wrap
 from rhs.api.grid import OccupancyGrid, configuration_space
+from rhs.worlds.clearance import ways_m
 
 RAYS = 72  # every five degrees
 STRIDE_M = 0.3  # between the places that are weighed
@@ -23,38 +24,32 @@ AT_ONCE = 64  # places whose rays are cast together
 
 
 @dataclass(frozen=True)
-class ExploreSettings:
+class ExploreSettings(Bounded):
     """How the robot explores (mission.survey=explore)."""
 
-    views: int = 6000
+    views: int = within(6000, 1, 10_000_000)
     """after so many views the robot goes home, whatever is left"""
-    coverage: float = 1.0
+    coverage: float = within(1.0, 0.01, 1.0)
     """share of the cells within the world's bounds that is known when the robot goes home; 1: never, frontiers decide (the
     insides of blocks and walls are never known)"""
-    sight_m: float = 4.0
+    sight_m: float = within(4.0, 0.5, 100.0)
     """unknown ground further than this from a place is no reason to go there, metres: half of what a depth camera sees, for
     walls not known yet"""
-    least_m2: float = 0.3
+    least_m2: float = within(0.3, 0.0, 1e4)
     """less unknown ground than this is no reason to go anywhere, square metres: a robot of 0.3 m radius covers as much"""
-    frontier_m: float = 0.3
+    frontier_m: float = within(0.3, 0.0, 100.0)
     """a shorter frontier is a seam between views, metres"""
-    view_deg: float = 50.0
+    view_deg: float = within(50.0, 5.0, 360.0)
     """what the camera sees at once, degrees; a Kinect sees 57"""
-    here_m: float = 1.0
+    here_m: float = within(1.0, 0.01, 100.0)
     """added to every way, metres: a place at hand is not worth infinitely much"""
-    turn_m: float = 0.3
+    turn_m: float = within(0.3, 0.0, 100.0)
     """turning by a radian costs as much as so many metres"""
-
     places: bool = True
     """before it goes home the robot looks round at those places of the patrol that it has not been near: a localiser knows
     again what was looked at, not what was only mapped"""
-    place_m: float = 1.0
+    place_m: float = within(1.0, 0.0, 100.0)
     """that near, metres"""
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, place_m=(0.0, 100.0), views=(1, 10_000_000), coverage=(0.01, 1.0), sight_m=(0.5, 100.0),
-                     least_m2=(0.0, 1e4), frontier_m=(0.0, 100.0), view_deg=(5.0, 360.0), here_m=(0.01, 100.0),
-                     turn_m=(0.0, 100.0))
 
 
 @dataclass(frozen=True)
@@ -116,28 +111,11 @@ class Frontiers:
 
     def ways_m(self, at_m: np.ndarray) -> np.ndarray:
         """(H, W) length of the way to each cell where the robot may be, metres; inf where none leads."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import dijkstra
-
-        ways = np.full(self.grid.shape, np.inf)
         cells = np.argwhere(self.open_)
         if not len(cells):
-            return ways
-        number = np.full(self.grid.shape, -1)
-        number[self.open_] = np.arange(len(cells))
-        height, width = self.grid.shape
-        one, other, lengths = [], [], []
-        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            a = number[: height - dr, max(0, -dc): width - max(0, dc)].ravel()
-            b = number[dr:, max(0, dc): width + min(0, dc)].ravel()
-            both = (a >= 0) & (b >= 0)
-            one.append(a[both])
-            other.append(b[both])
-            lengths.append(np.full(int(both.sum()), self.grid.resolution_m * float(np.hypot(dr, dc))))
-        graph = coo_array((np.concatenate(lengths), (np.concatenate(one), np.concatenate(other))), (len(cells), len(cells)))
-        start = int(np.argmin(np.linalg.norm(self.grid.centres(cells) - at_m, axis=1)))
-        ways[self.open_] = dijkstra(graph.tocsr(), directed=False, indices=start)
-        return ways
+            return np.full(self.grid.shape, np.inf)
+        start = cells[np.argmin(np.linalg.norm(self.grid.centres(cells) - at_m, axis=1))]
+        return ways_m(self.open_, self.grid.resolution_m, start)
 
     def seen_m2(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """((K,) unknown ground in the best view from each of (K, 2) cells, square metres; (K,) heading of that view)."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rhs.api.errors import check_ranges
+from rhs.api.errors import Bounded, within
 from rhs.api.records import Event, Motion, Observation, Tracking, Twist
 from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
@@ -29,41 +29,36 @@ EDGE_RAD = np.radians(4.0)  # this near the edge of the view a patch is not look
 
 
 @dataclass(frozen=True)
-class GuardSettings:
+class GuardSettings(Bounded):
     """How careful the robot drives."""
 
-    side_m: float = 0.05
+    side_m: float = within(0.05, 0.0, 2.0)
     """least distance of the robot's side to anything seen, metres: half the margin of the plans, so that a path planned with
     it can be driven; it covers the depth noise (1 cm at 2 m) and the error of a command (3 % of 0.25 m)"""
-    pictured_m: float = 0.05
+    pictured_m: float = within(0.05, 0.0, 2.0)
     """and so much further from what one camera read off pictures and the map does not know, metres; so do its plans. Such
     readings erred by 5 cm at 1.5 to 2 m (rms, a patrol of random:non_manhattan/710)"""
-    look_s: float = 15.0
+    look_s: float = within(15.0, 0.1, 1e6)
     """what nobody has looked at for so long is looked at before the robot drives there, seconds: people walk in.
     What is low and was out of view for so long, while something moves, is not counted on either"""
-    look_moving_s: float = 1.5
+    look_moving_s: float = within(1.5, 0.1, 1e6)
     """the same while something has been seen to move, in the last remember_s: who walks 0.8 m/s is elsewhere after 2 s"""
-    fade_s: float = 4.0
+    fade_s: float = within(4.0, 0.1, 1e6)
     """and what was seen to come, or stands where the map knows nothing, is forgotten when it was not seen for so long,
     seconds"""
-    remember_s: float = 60.0
+    remember_s: float = within(60.0, 0.1, 1e6)
     """what was seen so long ago and not again is not counted on, seconds: the odometry drifts, people move"""
-    ahead_m: float = 0.15
+    ahead_m: float = within(0.15, 0.0, 2.0)
     """the ground is looked at this much further than the next command leads, metres"""
-    brake_mps2: float = 0.5
+    brake_mps2: float = within(0.5, 0.01, 100.0)
     """braking of the robot: its speed lets it stop in the way that it sees free, metres per second squared"""
-    back_off_m: float = 0.2
+    back_off_m: float = within(0.2, 0.0, 2.0)
     """after a touch the robot goes back so far the way it came, metres"""
-    still_views: int = 3
+    still_views: int = within(3, 1, 10_000)
     """commands on end that moved it less than still_share of their way are a touch, whatever the bumper says"""
-    still_share: float = 0.25
+    still_share: float = within(0.25, 0.0, 1.0)
     """see still_views; wheels that slip by half still move it more"""
     votes: VoteSettings = field(default_factory=VoteSettings)
-
-    def __post_init__(self) -> None:
-        check_ranges("", self, side_m=(0.0, 2.0), pictured_m=(0.0, 2.0), look_s=(0.1, 1e6),
-                     look_moving_s=(0.1, 1e6), fade_s=(0.1, 1e6), remember_s=(0.1, 1e6), ahead_m=(0.0, 2.0),
-                     brake_mps2=(0.01, 100.0), back_off_m=(0.0, 2.0), still_views=(1, 10_000), still_share=(0.0, 1.0))
 
 
 class Guard:

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from rhs.api.contracts import Odometry
+from rhs.api.errors import Bounded, one_of, within
 from rhs.api.records import MissionStatus
-from rhs.base.errors import check_choice, check_range, check_ranges
 
 from .frontiers import ExploreSettings
 from .guard import GuardSettings
@@ -17,77 +17,65 @@ ELSEWHERE_M = 0.5  # so far off places put off may be tried again
 
 
 @dataclass
-class MissionAdvanced:
+class MissionAdvanced(Bounded):
     """Thresholds of the patrol."""
 
-    unseen_m: float = 1.0
+    unseen_m: float = within(1.0, 0.0, 1000.0)
     """where no way is left, ground that nobody has looked at is tried as far as this from what was seen to be free, metres:
     what a table hides, not the outside of the building; 0: none"""
     guard: GuardSettings = field(default_factory=GuardSettings)
     explore: ExploreSettings = field(default_factory=ExploreSettings)
 
-    def __post_init__(self) -> None:
-        check_range("", "unseen_m", self.unseen_m, low=0.0, high=1000.0, unit="m")
-
 
 @dataclass
-class MissionSettings:
+class MissionSettings(Bounded):
     """How the patrol goes about its places."""
 
-    survey: str = "route"
+    survey: str = one_of("route", "explore")
     """who leads the survey: route, somebody along the world's route | explore, the robot itself: frontiers, then home"""
-    arrive_m: float = 0.25
+    arrive_m: float = within(0.25, 0.05, 5.0)
     """distance from a place at which it counts as visited, metres (belief)"""
-    margin_m: float = 0.1
+    margin_m: float = within(0.1, 0.0, 2.0)
     """added to the robot's radius when the map is grown, metres: room for the error of the belief"""
-    comfort_m: float = 0.4
+    comfort_m: float = within(0.4, 0.0, 2.0)
     """room the robot would like on top of that, metres; less is taken where there is no way with it. It keeps a robot
     whose belief has drifted off the walls: going the other way round, nothing looks as it did in the survey"""
-    tries: int = 6
+    tries: int = within(6, 1, 1000)
     """plans per place before it is given up"""
-    stuck_steps: int = 12
+    stuck_steps: int = within(12, 2, 10000)
     """commands without progress (less than 5 cm believed motion each) before the place is given up"""
-    views_max: int = 3000
+    views_max: int = within(3000, 1, 10_000_000)
     """views spent on one place before it is given up, whatever happens"""
-    watch_m: float = 2.5
+    watch_m: float = within(2.5, 0.2, 20.0)
     """how far ahead the path is watched for obstacles, metres"""
-    wall_tolerance_m: float = 0.3
+    wall_tolerance_m: float = within(0.3, 0.0, 2.0)
     """scan points this close to a wall of the map are the wall, metres, of far beams; of near ones less"""
     update_map: bool = False
     """between two places the map forgets what was seen through in ten views and takes in what was seen to stand for ten
     seconds; false: the map is that of the survey, and what it does not know is remembered for one place"""
-    look_m: float = 0.0
+    look_m: float = within(0.0, 0.0, 100.0)
     """metres between two views on the way that are compared with the survey, as those at the places are; what two of them
     say is new or gone stands in the report. 0: places only"""
-    contacts: int = 3
+    contacts: int = within(3, 1, 10_000)
     """a place on the way to which the robot touched something more often is given up"""
-    lost_views: int = 400
+    lost_views: int = within(400, 1, 10_000_000)
     """views of not knowing where it is before a place is given up"""
-    lost_views_total: int = 800
+    lost_views_total: int = within(800, 1, 10_000_000)
     """the same of the whole patrol: then every place left is given up"""
-    turn: str = "auto"
+    turn: str = one_of("auto", "pivot", "arc")
     """turn on the spot, or on an arc that keeps the camera moving: pivot | arc | auto, which takes what the odometry
     wants"""
-    arc_radius_m: float = 0.7
+    arc_radius_m: float = within(0.7, 0.1, 5.0)
     """radius of arc turns, metres"""
-    step_m: float = 0.25
+    step_m: float = within(0.25, 0.02, 2.0)
     """longest way between two views while patrolling, metres"""
-    turn_step_deg: float = 12.0
+    turn_step_deg: float = within(12.0, 1.0, 90.0)
     """largest turn between two views while patrolling, degrees"""
-    speed_mps: float = 0.5
+    speed_mps: float = within(0.5, 0.02, 3.0)
     """forward speed, metres per second"""
     kidnap: bool = False
     """carry the robot elsewhere, without telling it, once per place"""
     advanced: MissionAdvanced = field(default_factory=MissionAdvanced)
-
-    def __post_init__(self) -> None:
-        check_choice("mission", "survey", self.survey, ("route", "explore"))
-        check_choice("mission", "turn", self.turn, ("auto", "pivot", "arc"))
-        check_ranges("mission", self, arrive_m=(0.05, 5.0), margin_m=(0.0, 2.0), comfort_m=(0.0, 2.0), tries=(1, 1000),
-                     stuck_steps=(2, 10000), views_max=(1, 10_000_000), watch_m=(0.2, 20.0),
-                     wall_tolerance_m=(0.0, 2.0), look_m=(0.0, 100.0), contacts=(1, 10_000), lost_views=(1, 10_000_000),
-                     lost_views_total=(1, 10_000_000), arc_radius_m=(0.1, 5.0), step_m=(0.02, 2.0),
-                     turn_step_deg=(1.0, 90.0), speed_mps=(0.02, 3.0))
 
 
 def turning(settings: MissionSettings, odometry: Odometry) -> MissionSettings:

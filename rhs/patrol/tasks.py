@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING, ClassVar, TypeGuard
 
-from rhs.base.errors import ConfigError, check_choice, check_range, check_ranges
+from rhs.api.contracts import PartSettings
+from rhs.api.errors import Bounded, ConfigError, check_range, one_of, within
 from rhs.estimation.views.settings import CameraFitSettings
 from rhs.worlds.world_moving import walkers
 
@@ -19,63 +20,50 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class StoredViews:
+class StoredViews(Bounded):
     """Which views are kept as places."""
 
-    every: int = 3
+    every: int = within(3, 1, 100_000)
     """a view is stored every so many steps of the survey (thesis 5.2: 3)"""
-    most_mb: float = 60.0
+    most_mb: float = within(60.0, 1.0, 1e6)
     """what their key-points may take, megabytes (0.07 a view at 320x240, 0.2 at 640x480): beyond it those whose place
     another view shows as well are given up"""
 
-    def __post_init__(self) -> None:
-        check_ranges("places", self, every=(1, 100_000), most_mb=(1.0, 1e6))
-
 
 @dataclass
-class Gate:
+class Gate(Bounded):
     """When vision is not believed."""
 
-    act: str = "contradiction"
+    act: str = one_of("contradiction", "off")
     """contradiction: wheels (or the last speed) replace a motion that contradicts them; off: an odometry is believed.
     Only odometries that need depth are gated: those of one camera weave wheels and commands in themselves"""
-    probability: float = 0.999999
+    probability: float = within(0.999999, 0.5, 1.0 - 1e-12)
     """chance that a good motion passes; the rest, one in a million, is replaced by the wheels"""
-    wheel_share: float = 0.1
-    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
-    stamps that do not fit and floors that are not flat"""
-    wheel_least_m: float = 0.02
-    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
-    stamps that do not fit and floors that are not flat"""
-    wheel_least_rad: float = 0.02
-    """error of the wheels (1 sigma) as a share of distance and turn, and the least: wider than encoders are, for time
-    stamps that do not fit and floors that are not flat"""
-    slip_share: float = 0.5
+    wheel_share: float = within(0.1, 0.0, 1.0)
+    """error of the wheels (1 sigma) as a share of distance and turn: wider than encoders are, for time stamps that do not
+    fit and floors that are not flat"""
+    wheel_least_m: float = within(0.02, 1e-6, 10.0)
+    """and of the distance at least so much, metres (1 sigma)"""
+    wheel_least_rad: float = within(0.02, 1e-6, 3.0)
+    """and of the turn at least so much, radians (1 sigma)"""
+    slip_share: float = within(0.5, 0.0, 1.0)
     """wheels that spin may count up to this share of their travel without moving the robot"""
-    patience: int = 10
+    patience: int = within(10, 1, 1_000_000)
     """after so many contradictions on end the wheels are doubted, not vision"""
-    leap_mps: float = 3.0
-    """without wheels: greatest change of speed between two views, m/s and rad/s; hands and robots stay far below"""
-    leap_radps: float = 6.0
-    """without wheels: greatest change of speed between two views, m/s and rad/s; hands and robots stay far below"""
-
-    def __post_init__(self) -> None:
-        check_choice("gate", "act", self.act, ("contradiction", "off"))
-        check_ranges("gate", self, probability=(0.5, 1.0 - 1e-12), wheel_share=(0.0, 1.0), wheel_least_m=(1e-6, 10.0),
-                     wheel_least_rad=(1e-6, 3.0), slip_share=(0.0, 1.0), patience=(1, 1_000_000),
-                     leap_mps=(0.01, 1000.0), leap_radps=(0.01, 1000.0))
+    leap_mps: float = within(3.0, 0.01, 1000.0)
+    """without wheels: greatest change of speed between two views, m/s; hands and robots stay far below"""
+    leap_radps: float = within(6.0, 0.01, 1000.0)
+    """and of turn rate, rad/s"""
 
 
 @dataclass
-class Survey:
+class Survey(PartSettings):
     """Map only: the camera is led along its route, the loop closed, the map drawn."""
 
     places: StoredViews = field(default_factory=StoredViews)
     gate: Gate = field(default_factory=Gate)
     camera_fit: CameraFitSettings = field(default_factory=CameraFitSettings)
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    provides: ClassVar[frozenset[str]] = frozenset()
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "loop_closer", "mapper")
 
     def build(self, context: RunContext) -> PatrolJob:
@@ -99,6 +87,7 @@ class Patrol(Survey):
     kinds: ClassVar[tuple[str, ...]] = (*Survey.kinds, "planner", "localiser", "replan")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for box in self.obstacles:
             if len(box) != 4 or not all(map(isfinite, box)):
                 raise ConfigError(f"obstacles={list(box)}: expected 4 finite numbers: x_m, y_m, width_m, depth_m")
@@ -126,6 +115,7 @@ class Explore(Survey):
     kinds: ClassVar[tuple[str, ...]] = (*Survey.kinds, "planner")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.mission.survey != "explore":
             raise ConfigError(f"mission.survey={self.mission.survey}: task=explore explores; type task=survey for a survey "
                               "that is led")

@@ -14,7 +14,7 @@ from rhs.api.floorplan import World, truth_grid
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
-from .clearance import clearance_of, coarser
+from .clearance import clearance_of, coarser, ways_m
 from .house_expo import floor_in
 from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
 from .maps import advice_on, load_map, odd_shades, read_header, writing_in
@@ -223,11 +223,11 @@ def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...]
     whole_m = length_m(tour.route_m)
     if whole_m <= LONGEST_ROUTE_M and part is grid or not isinstance(places, int):
         return tour
-    ways_m = ways_from(part, np.array(tour.start[:2]))
-    reach_m, found_m = float(ways_m[np.isfinite(ways_m)].max()), whole_m
+    away_m = ways_m(part.free(), part.resolution_m, part.cells(np.array(tour.start[:2]))[0])
+    reach_m, found_m = float(away_m[np.isfinite(away_m)].max()), whole_m
     while found_m > LONGEST_ROUTE_M:
         reach_m *= max(0.5, min(0.9, LONGEST_ROUTE_M / found_m))
-        near = np.where(ways_m <= reach_m, grid.probability, np.nan).astype(np.float32)
+        near = np.where(away_m <= reach_m, grid.probability, np.nan).astype(np.float32)
         tour = propose(OccupancyGrid(near, grid.resolution_m, grid.origin_m), radius_m, start=tour.start, places=places)
         found_m = length_m(tour.route_m)
     log.warning("%s: a route through all of it would be %.0f m long%s; proposed is one of %.0f m, within %.0f m of the "
@@ -238,38 +238,16 @@ def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...]
 
 def _nearest_floor(grid: OccupancyGrid, start_m: np.ndarray, most_m2: float) -> OccupancyGrid:
     """The grid, free only in the most_m2 whose ways from start_m (2,) are shortest; itself where it has no more."""
-    if grid.free().sum() * grid.resolution_m**2 <= most_m2 or not grid.free()[tuple(grid.cells(start_m)[0])]:
+    start = grid.cells(start_m)[0]
+    if grid.free().sum() * grid.resolution_m**2 <= most_m2 or not grid.free()[tuple(start)]:
         return grid
-    ways_m = ways_from(grid, start_m)
+    away_m = ways_m(grid.free(), grid.resolution_m, start)
     count = int(most_m2 / grid.resolution_m**2)
-    reach_m = np.partition(ways_m.ravel(), count)[count]
-    near = np.where(ways_m <= reach_m, grid.probability, np.nan).astype(np.float32)
+    reach_m = np.partition(away_m.ravel(), count)[count]
+    near = np.where(away_m <= reach_m, grid.probability, np.nan).astype(np.float32)
     return OccupancyGrid(near, grid.resolution_m, grid.origin_m)
 
 
 def length_m(route_m: np.ndarray) -> float:
     """Metres along a polyline (N, 2)."""
     return float(np.hypot(*np.diff(route_m, axis=0).T).sum())
-
-
-def ways_from(grid: OccupancyGrid, start_m: np.ndarray) -> np.ndarray:
-    """(H, W) metres of the shortest way through free cells (eight neighbours) from a point; inf where there is none."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
-
-    free = grid.free()
-    number = np.cumsum(free).reshape(free.shape) - 1
-    ones, others, lengths = [], [], []
-    height, width = free.shape
-    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
-        there = (slice(down, height), slice(max(0, right), width + min(0, right)))
-        both = free[here] & free[there]
-        ones.append(number[here][both])
-        others.append(number[there][both])
-        lengths.append(np.full(int(both.sum()), grid.resolution_m * float(np.hypot(down, right))))
-    count = int(free.sum())
-    graph = coo_array((np.concatenate(lengths), (np.concatenate(ones), np.concatenate(others))), shape=(count, count))
-    out = np.full(grid.shape, np.inf)
-    out[free] = dijkstra(graph.tocsr(), directed=False, indices=int(number[tuple(grid.cells(start_m)[0])]))
-    return out

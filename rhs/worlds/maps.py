@@ -88,7 +88,8 @@ def save_map(stem_path: str | FilePath, grid: OccupancyGrid) -> tuple[FilePath, 
     """
     stem = FilePath(stem_path)
     for name, content in map_files(stem.name, grid).items():
-        _write(stem.with_name(name), content)
+        with replacing(stem.with_name(name), "wb") as file:
+            file.write(content)
     return stem.with_name(stem.name + ".yaml"), stem.with_name(stem.name + ".pgm")
 
 
@@ -351,8 +352,3 @@ def _worst(
             worst = np.where(meets & (value > worst), value, worst)
             unknown |= meets & np.isnan(value)
     return np.where(unknown & (worst <= occupied), np.nan, worst)
-
-
-def _write(path: FilePath, content: bytes) -> None:
-    with replacing(path, "wb") as file:
-        file.write(content)

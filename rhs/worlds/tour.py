@@ -19,7 +19,7 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
-from .clearance import clearance_of, coarser
+from .clearance import clearance_of, coarser, neighbours
 from .round_trip import round_trip
 
 SIGHT_M = 2.5  # the survey sees every free spot from so near at least; grows with the building, see `_sight_m`
@@ -115,9 +115,7 @@ class Ground:
         cell = self._first(regions, start)
         self.reached = regions == regions[cell]
         self.cells = np.argwhere(self.reached)
-        self.number = np.full(grid.shape, -1)
-        self.number[self.reached] = np.arange(len(self.cells))
-        self.home = int(self.number[cell])
+        self.home = int(np.flatnonzero((self.cells == cell).all(axis=1))[0])
         self.points_m = grid.centres(self.cells)
         self.graph = self._graph()
         self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs and the node before, at each node
@@ -144,17 +142,9 @@ class Ground:
         from scipy.sparse import coo_array
 
         self.price = 1.0 + 1.5 * np.clip(1.0 - (self.clearance_m - self.need_m) / ROOMY_M, 0.0, 1.0)
-        rows, columns, costs = [], [], []
-        height, width = self.grid.shape
-        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            here = (slice(0, height - dr), slice(max(0, -dc), width - max(0, dc)))
-            there = (slice(dr, height), slice(max(0, dc), width + min(0, dc)))
-            both = self.reached[here] & self.reached[there]
-            length = self.grid.resolution_m * float(np.hypot(dr, dc))
-            rows.append(self.number[here][both])
-            columns.append(self.number[there][both])
-            costs.append(0.5 * length * (self.price[here] + self.price[there])[both])
-        one, other, cost = (np.concatenate(part) for part in (rows, columns, costs))
+        one, other, apart = neighbours(self.reached)
+        price = self.price[self.reached]
+        cost = 0.5 * (self.grid.resolution_m * apart) * (price[one] + price[other])
         count = len(self.cells)
         return coo_array((np.r_[cost, cost], (np.r_[one, other], np.r_[other, one])), shape=(count, count)).tocsr()
 

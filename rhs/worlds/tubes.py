@@ -11,18 +11,32 @@ angle and depth as axes, here it has the section's own, so that mosaics of diffe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
+from rhs.api.errors import ConfigError, check_range
 from rhs.api.geometry import arc, se2, se3, transform
 
 TRACE_STEPS = 60  # of sphere tracing and the secant; grazing rays need the most
 SPHERES = 6  # the first steps go no further than is surely free
 TOUCHING = 1e-5  # so near the wall counts as on it, share of the section's size
 ENDS_M = 1e3  # a tube goes straight on for so far before its first piece and behind its last
+
+
+def check_pieces(pieces: Sequence[float], size_m: float, *, least_m: float) -> None:
+    """Refuse a centre line that is not metres of a piece and its bend in degrees, one after the other, or bends more tightly
+    than one and a half sizes. Raises ConfigError, naming `pieces`."""
+    if len(pieces) % 2:
+        raise ConfigError(f"pieces={list(pieces)} has {len(pieces)} numbers; expected pairs of metres and degrees, for "
+                          "example [1,0,2,30]")
+    for length_m, bend_deg in zip(pieces[::2], pieces[1::2], strict=True):
+        check_range("", "pieces (length)", length_m, low=least_m, high=1000.0, unit="m")
+        tightest = 57.29578 * length_m / (1.5 * size_m)
+        check_range("", "pieces (bend)", bend_deg, low=-tightest, high=tightest, unit="degrees")
 
 
 class Section(Protocol):

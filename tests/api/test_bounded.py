@@ -22,7 +22,15 @@ class Outer(Bounded):
     far_m: float = within(5.0, 0.1, 100.0)
     most: int | None = within(None, 1, 9)
     mode: str = one_of("fast", "exact")
+    roughness: float = within(2.0, 0.0, 100.0, unit="grey levels")
     inner: Inner = field(default_factory=Inner)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.inner.share > 0.9 and self.mode == "fast":
+            raise ConfigError(f"inner.share={self.inner.share} needs mode=exact")
+        if self.roughness == 7.0:
+            raise ConfigError("roughness (of a wall)=7.0 is nobody's")
 
 
 @dataclass
@@ -36,6 +44,9 @@ class Further(Outer):
     ({"near_m": 5.0}, "part.near_m=5.0 is not below far_m=5.0"),
     ({"most": 10}, "part.most=10 is outside the allowed range [1, 9]"),
     ({"mode": "magic"}, "part.mode=magic is not one of fast, exact"),
+    ({"roughness": 200.0}, "part.roughness=200.0 is outside the allowed range [0, 100] grey levels"),
+    ({"roughness": 7.0}, "part.roughness (of a wall)=7.0 is nobody's"),
+    ({"inner": {"share": 0.95}}, "part.inner.share=0.95 needs mode=exact"),
     ({"inner": {"share": 1.5}}, "part.inner.share=1.5 is outside the allowed range [0, 1]")])
 def test_what_is_not_allowed_is_refused_by_the_key_that_was_typed(wrong, said):
     with pytest.raises(ConfigError) as error:

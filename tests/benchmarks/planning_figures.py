@@ -23,9 +23,10 @@ from rhs.metrics.path_judge import Optimum
 from rhs.metrics.planning import path_values
 from rhs.reports.planning_table import as_markdown, draw_bars, order, planning_table
 from rhs.reports.table import frame
+from rhs.worlds.plan_files import question_of
 from rhs.worlds.planning_question import load_arena
 from rhs_tasks.planning.asking import ask_twice, times
-from rhs_tasks.planning.task import context_of, problem_of, warm_up
+from rhs_tasks.planning.task import context_of, warm_up
 
 if TYPE_CHECKING:
     import pandas
@@ -62,7 +63,7 @@ def main() -> None:
 def one(world: str, name: str, seed: int) -> dict:
     """The row of one run, as the planning task makes it."""
     arena = load_arena(world)
-    problem, settings = problem_of(arena), registry.load("planner", name)()
+    problem, settings = question_of(arena).problem(), registry.load("planner", name)()
     if seed == 0:
         warm_up(settings.build(context_of(arena, Path(), generator(0, "warm-up"))))
     first, again = ask_twice(lambda rng: settings.build(context_of(arena, Path(), rng)), problem,
@@ -74,7 +75,7 @@ def one(world: str, name: str, seed: int) -> dict:
 
 @cache
 def optimum_of(world: str) -> Optimum:
-    problem = problem_of(load_arena(world))
+    problem = question_of(load_arena(world)).problem()
     return Optimum(problem.blocked, problem.resolution_m, problem.origin_m)
 
 

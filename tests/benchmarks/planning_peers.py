@@ -30,8 +30,8 @@ from rhs.api.records import PlanningProblem
 from rhs.config import registry
 from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import Optimum, path_valid, polyline_length
+from rhs.worlds.plan_files import question_of
 from rhs.worlds.planning_question import load_arena
-from rhs_tasks.planning.task import problem_of
 
 Plan = Callable[[int], np.ndarray | None]  # seed -> path (N, 2) in metres, or None
 MAPS = ("map1", "map2", "map3", "map4")
@@ -68,7 +68,7 @@ def main() -> None:
 
 def one_map(name: str, seeds: int) -> list[dict]:
     """One row per planner on one map."""
-    problem = problem_of(load_arena(name))
+    problem = question_of(load_arena(name)).problem()
     optimum = Optimum(problem.blocked, problem.resolution_m, problem.origin_m).length_m([problem.start_m, problem.goal_m])
     planners = {**{word: ours(problem, *what, pulled=" raw" not in word) for word, what in OURS.items()},
                 **motion_planning(problem), **robotics_toolbox(problem), **scikit_image(problem)}

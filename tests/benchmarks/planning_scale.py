@@ -25,8 +25,8 @@ from rhs.config import registry
 from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import Optimum, path_valid, polyline_length
 from rhs.plots.figure import new_figure, save
+from rhs.worlds.plan_files import question_of
 from rhs.worlds.planning_question import load_arena
-from rhs_tasks.planning.task import problem_of
 
 LONG_MS = 10_000.0  # a first question that took longer (theta_star, which keeps nothing) stands for the later ones too
 CERTAIN = ("astar", "theta_star", "fast_marching", "potential_field")  # the same path every time
@@ -54,7 +54,7 @@ def main() -> None:
 
 def scaled(size: int) -> PlanningProblem:
     """Map 1 with `size` cells a side, one decimetre cut into size / 100 cells."""
-    coarse = problem_of(load_arena("map1"))
+    coarse = question_of(load_arena("map1")).problem()
     times = size // 100
     blocked = np.repeat(np.repeat(coarse.blocked, times, axis=0), times, axis=1)
     blocked.setflags(write=False)
@@ -77,7 +77,7 @@ def one_size(size: int, seeds: int) -> list[dict]:
 def measure(word: str, settings, problem: PlanningProblem, task: tuple[float, int]) -> dict:
     optimum, seeds = task
     first, later, above, found = [], [], [], 0
-    small = problem_of(load_arena("map3"))
+    small = question_of(load_arena("map3")).problem()
     for seed in range(1 if word in CERTAIN else seeds):
         planner = settings.build(SimpleNamespace(rng=np.random.default_rng(seed)))
         planner.plan(small)  # libraries are loaded

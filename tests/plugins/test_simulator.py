@@ -16,6 +16,7 @@ from rhs.api.errors import ConfigError, RhsError
 from rhs.api.floorplan import Box, Changes, Light, Surface
 from rhs.api.geometry import inverse, planar, se2, transform
 from rhs.api.records import Twist
+from rhs.api.settings import make
 from rhs.worlds.world import load_world
 from rhs_sources.simulator_bullet import quiet
 from rhs_sources.simulator_config import Simulator
@@ -296,7 +297,7 @@ def test_a_flat_picture_is_refused(tmp_path):
 ])
 def test_settings_out_of_range_are_refused(setting):
     with pytest.raises(ConfigError, match=f"source.{next(iter(setting))}="):
-        Simulator(**setting)
+        make(Simulator, setting, "source")
 
 
 def test_a_config_alone_loads_no_heavy_library():

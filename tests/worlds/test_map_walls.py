@@ -8,7 +8,8 @@ from scipy.ndimage import binary_dilation
 from rhs.api.errors import ConfigError
 from rhs.api.floorplan import touched_cells, truth_grid
 from rhs.api.grid import OccupancyGrid
-from rhs.worlds.buildings import LONGEST_ROUTE_M, length_m, ways_from
+from rhs.worlds.buildings import LONGEST_ROUTE_M, length_m
+from rhs.worlds.clearance import ways_m
 from rhs.worlds.map_walls import outlines, room_of, simplified, walls_of
 from rhs.worlds.maps import load_map, save_map
 from rhs.worlds.world import load_world
@@ -88,7 +89,8 @@ def test_the_room_is_the_one_with_the_start_or_the_roomiest_indoors():
 
 
 def test_ways_are_as_long_as_counted_by_hand():
-    ways = ways_from(two_rooms(), np.array([-0.75, 2.25]))
+    plan = two_rooms()
+    ways = ways_m(plan.free(), plan.resolution_m, plan.cells(np.array([-0.75, 2.25]))[0])
     assert ways[2, 2] == 0.0 and ways[2, 7] == pytest.approx(0.5) and ways[5, 5] == pytest.approx(0.3 * 2**0.5)
     assert np.isinf(ways[1, 1])
 

@@ -25,7 +25,7 @@ class GicpRegistration:
 
     def align(self, cloud: Cloud, guess: np.ndarray) -> tuple[np.ndarray, str]:
         s, least = self._settings, self._settings.advanced.min_inlier_share
-        points, tree = self._prepared(cloud)
+        points, tree = small_gicp.preprocess_points(cloud.points, s.voxel_m, s.advanced.neighbours, 1)
         if self._key is None:
             self._key = (points, tree)
             return np.eye(4), ""
@@ -60,9 +60,6 @@ class GicpRegistration:
 
     def _renew(self, prepared) -> None:
         self._key, self._key_from_body = prepared, np.eye(4)
-
-    def _prepared(self, cloud: Cloud):
-        return small_gicp.preprocess_points(cloud.points, self._settings.voxel_m, self._settings.advanced.neighbours, 1)
 
 
 def build(settings: Gicp, context: Context) -> CloudOdometry:

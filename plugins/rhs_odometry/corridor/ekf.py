@@ -111,11 +111,8 @@ class CorridorCore:
         mouths, placed = mouths_of(drawn, self._advanced.drawing), [se2(*p[:3]) for p in poses]
         sight_m = self._advanced.drawing.sight_m
         cast = [believed_scan(drawn, mouths, pose, circle, reach, sight_m=sight_m) if drawn else None for pose in placed]
-        return Revision(np.stack(placed), tuple(cast), tuple(d.wall for d in drawn), self._settled())
-
-    def _settled(self) -> np.ndarray:
-        """(6, 6) of the last pose, along its own axes."""
-        return embed(_turned(self.pose_covariance(), self.filter.state.clones[-1, 2]))
+        last = _turned(self.pose_covariance(), self.filter.state.clones[-1, 2])  # along its own axes
+        return Revision(np.stack(placed), tuple(cast), tuple(d.wall for d in drawn), embed(last))
 
     def pose_covariance(self) -> np.ndarray:
         """(3, 3) of x, y, yaw of the present pose in the map."""

@@ -31,7 +31,8 @@ class FloorLevel:
     def lies_on(self, state: CorridorState, fit: TrackFit) -> np.ndarray:
         """(T,) bool: points that are sooner of the floor than a little above it. state, fit: before the update."""
         seen = self._seen(state, fit)
-        known = self._with_now = np.vstack([self._known, seen[self._telling(seen)]])[-self._rules.kept:]
+        telling = (np.abs(seen[:, 0]) < self._rules.apart_share) & (seen[:, 1] < self._rules.known_share)
+        known = self._with_now = np.vstack([self._known, seen[telling]])[-self._rules.kept:]
         if len(known) < self._rules.least:
             return np.zeros(len(seen), bool)
         scale = state.base[SCALE]
@@ -53,9 +54,6 @@ class FloorLevel:
         near = np.where(good, fit.rho / np.where(good, there, 1.0) - 1.0, FAR_OFF)
         sigma = np.where(good, fit.rho_sigma / np.where(good, fit.rho, 1.0), FAR_OFF) + LEAST_SIGMA
         return np.column_stack([near, sigma, np.full(len(near), state.base[SCALE])])
-
-    def _telling(self, seen: np.ndarray) -> np.ndarray:
-        return (np.abs(seen[:, 0]) < self._rules.apart_share) & (seen[:, 1] < self._rules.known_share)
 
     def _level(self, near: np.ndarray, sigma: np.ndarray, scale_sigma: float) -> tuple[float, float]:
         """The likeliest error of the scale and share of points on the floor, of (N,) points."""

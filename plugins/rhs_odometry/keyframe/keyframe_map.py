@@ -39,7 +39,8 @@ class Pictures:
 
     def add(self, number: int, pyramid: list[np.ndarray]) -> None:
         self._ready[number] = pyramid
-        while len(self._ready) > max(self._most(pyramid), 1):
+        most = int(self._budget / max(sum(level.nbytes for level in pyramid), 1))
+        while len(self._ready) > max(most, 1):
             oldest, given = self._ready.popitem(last=False)
             if oldest not in self._packed:
                 self._packed[oldest] = cv2.imencode(".png", given[0], PACKING)[1]
@@ -54,9 +55,6 @@ class Pictures:
     def drop(self, number: int) -> None:
         self._ready.pop(number, None)
         self._packed.pop(number, None)
-
-    def _most(self, pyramid: list[np.ndarray]) -> int:
-        return int(self._budget / max(sum(level.nbytes for level in pyramid), 1))
 
 
 class KeyframeMap:

@@ -78,7 +78,6 @@ class LidarOdometry(PartSettings):
 class VgicpLidar(LidarOdometry):
     """Voxelised generalised ICP of a lidar's clouds against a map of Gaussians (small_gicp)."""
 
-
     advanced: VgicpAdvanced = field(default_factory=VgicpAdvanced)
 
     def build(self, context: Context) -> Odometry:
@@ -90,7 +89,6 @@ class VgicpLidar(LidarOdometry):
 @dataclass
 class KissIcpLidar(LidarOdometry):
     """KISS-ICP on the point clouds of a lidar: points against points, to compare with."""
-
 
     initial_threshold_m: float = within(2.0, 0.01, 100.0)
     """First threshold of partners, metres (the authors')."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -136,7 +135,8 @@ def surveyed(given: GivenMap, settings: FeatureSettings, *, pictures: bool) -> t
         return tuple(_view(k, stamp, NO_CAMERA, poses, None) for k, stamp in enumerate(poses.stamps_s))
     every = int(given.head.config.get("places", {}).get("every", EVERY))
     walls, views, last = _walls(given.folder / "walls.json"), [], None
-    for k, seen in enumerate(_survey(given.folder / "run.mcap")):
+    survey = (view for view in read(given.folder / "run.mcap").views() if view.phase == "survey")
+    for k, seen in enumerate(survey):
         if k >= len(poses):
             raise RhsError(f"{given.folder}: run.mcap holds more views of the survey than corrected.tum has poses")
         last = Observation(k, seen.capture.stamp_s, given.head.camera, seen.capture.image, seen.capture.depth,
@@ -147,10 +147,6 @@ def surveyed(given: GivenMap, settings: FeatureSettings, *, pictures: bool) -> t
     if pictures and last is not None and views[-1].features is None:
         views[-1] = replace(views[-1], features=_key_points(last, settings, views[-1], walls))
     return tuple(views)
-
-
-def _survey(path: Path) -> Iterator[RecordedView]:
-    return (view for view in read(path).views() if view.phase == "survey")
 
 
 def _view(k: int, stamp_s: float, camera: Camera, poses: Trajectory, seen: RecordedView | None) -> View:

@@ -62,11 +62,6 @@ def chosen_arena(settings: Planning, world: str, seed: int) -> Arena:
     return replace(arena, **ends, robot_radius_m=arena.robot_radius_m if radius is None else radius)
 
 
-def problem_of(arena: Arena) -> PlanningProblem:
-    """The problem in the map grown by the robot's radius; its arrays cannot be written to."""
-    return question_of(arena).problem()
-
-
 def context_of(arena: Arena, folder: FilePath, rng: np.random.Generator) -> Context:
     """What a planner is built with when there is no robot: an ordinary camera that nobody uses."""
     rows, columns = arena.grid.shape

@@ -8,6 +8,7 @@ from typing import ClassVar
 from rhs.api.contracts import PartSettings
 from rhs.api.errors import Bounded, ConfigError, check_range, one_of, within
 from rhs.api.task import Job, TaskContext
+from rhs.worlds.tubes import check_pieces
 
 
 @dataclass
@@ -33,11 +34,9 @@ class Unrolling(Bounded):
     """the bend: given (by `pieces`; straight if they are empty), or found from the views, which are looked at twice for
     it"""
     start_left_m: float = 0.0
-    """where the camera is at the first view, left of and above the middle of the section, metres; it looks along the
-    tube"""
+    """where the camera is at the first view, left of the middle of the section, metres; it looks along the tube"""
     start_up_m: float = 0.0
-    """where the camera is at the first view, left of and above the middle of the section, metres; it looks along the
-    tube"""
+    """and above the middle of the section, metres"""
     near_sizes: float = within(1.2, 0.2, 20.0)
     """a strip begins so many sizes ahead of the camera ..."""
     far_sizes: float = 3.5
@@ -57,13 +56,7 @@ class Unrolling(Bounded):
         for name in ("start_left_m", "start_up_m"):
             check_range("unroll", name, getattr(self, name), low=-0.8 * self.size_m * max(self.aspect, 1.0),
                         high=0.8 * self.size_m * max(self.aspect, 1.0), unit="m")
-        if len(self.pieces) % 2:
-            raise ConfigError(f"unroll.pieces={list(self.pieces)} has {len(self.pieces)} numbers; expected pairs of metres "
-                              "and degrees, for example [1,0,2,30]")
-        for length_m, bend_deg in zip(self.pieces[::2], self.pieces[1::2], strict=True):
-            check_range("unroll", "pieces (length)", length_m, low=1e-3, high=1000.0, unit="m")
-            tightest = 57.29578 * length_m / (1.5 * self.size_m)
-            check_range("unroll", "pieces (bend)", bend_deg, low=-tightest, high=tightest, unit="degrees")
+        check_pieces(self.pieces, self.size_m, least_m=1e-3)
         for name, counts in (("intrinsics", (0, 4)), ("distortion", (0, 4, 5))):
             if len(getattr(self, name)) not in counts:
                 raise ConfigError(f"unroll.{name}={list(getattr(self, name))} has {len(getattr(self, name))} numbers; "

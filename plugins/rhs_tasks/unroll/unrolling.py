@@ -83,7 +83,8 @@ class Unroller:
         strip = self.strip(picture, place.values)
         warp, agreed = np.eye(3), 0
         if self._settings.stitch == "homography" and not self.mosaic.empty:
-            warp, agreed = homography(*follow(strip, *self._under(strip)), MOST_PX[self._settings.pose])
+            under = self.mosaic.part(strip.first, strip.grey.shape[1])
+            warp, agreed = homography(*follow(strip, *under), MOST_PX[self._settings.pose])
         registered = self._last is None or max(points, agreed) >= ENOUGH
         agreement = self.mosaic.put(strip, warp)
         self._step = None if self._last is None else float(place.values[ALONG] - self.place.values[ALONG])
@@ -175,9 +176,6 @@ class Unroller:
         nudges = np.diag([1e-5, 1e-5])
         columns = [(self.project(values, wall + n) - self.project(values, wall - n)) / 2e-5 for n in nudges]
         return np.stack(columns, axis=2)
-
-    def _under(self, strip: Strip) -> tuple[np.ndarray, np.ndarray]:
-        return self.mosaic.part(strip.first, strip.grey.shape[1])
 
     def strip(self, picture: np.ndarray, values: np.ndarray) -> Strip:
         """The wall between near and far ahead of the view, as seen from a place, on the mosaic's own grid."""

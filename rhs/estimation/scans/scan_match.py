@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rhs.api.geometry import wrap
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
 from rhs.estimation.filters.kalman import gate
 
+from .planar_poses import between, composed
 from .settings import MatchSettings
 
 
@@ -86,13 +86,13 @@ class ScanMatcher:
             if seen == 0:
                 return None
             fit = np.linalg.pinv(information, rcond=1e-6, hermitian=True) @ pull
-            step = np.linalg.solve(prior + kept, prior @ _seen_from(at, start) + kept @ fit)
-            at = _composed(at, np.clip(step, -0.3, 0.3))
+            step = np.linalg.solve(prior + kept, prior @ between(at, start) + kept @ fit)
+            at = composed(at, np.clip(step, -0.3, 0.3))
             if np.abs(step).max() < 1e-4:
                 break
         information, _, share = self._linear(points, at, chance)
         kept, seen = self._trusted(information)
-        shift = _seen_from(start, at)
+        shift = between(start, at)
         if share < self.settings.least_share or shift @ prior @ shift > gate(3, self.settings.gate_probability):
             return None
         return ScanMatch(at, kept, np.linalg.inv(prior + kept), share, seen)
@@ -221,16 +221,3 @@ def ends(scan: Scan, settings: MatchSettings) -> np.ndarray:
     reach, bearing = np.asarray(scan.ranges_m, float)[known], np.asarray(scan.bearings_rad, float)[known]
     points: np.ndarray = np.stack([np.cos(bearing), np.sin(bearing)], axis=1) * reach[:, None] + scan.origin_xy_m
     return points
-
-
-def _composed(state: np.ndarray, step: np.ndarray) -> np.ndarray:
-    c, s = np.cos(state[2]), np.sin(state[2])
-    x, y = state[0] + c * step[0] - s * step[1], state[1] + s * step[0] + c * step[1]
-    return np.array([x, y, float(wrap(state[2] + step[2]))])
-
-
-def _seen_from(state: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(3,) planar pose `other` in the frame of `state`."""
-    c, s = np.cos(state[2]), np.sin(state[2])
-    dx, dy = other[:2] - state[:2]
-    return np.array([c * dx + s * dy, -s * dx + c * dy, float(wrap(other[2] - state[2]))])

@@ -34,25 +34,6 @@ def stamped(points: np.ndarray, west: float, south: float, rows: int, columns: i
     return field
 
 
-@typed(_FIELD(_FIELD))
-def bounded(field: np.ndarray) -> np.ndarray:
-    """Of each cell the largest of the BLOCK x BLOCK cells from it on to the north and the east."""
-    rows, columns = field.shape
-    east, out = np.zeros_like(field), np.zeros_like(field)
-    for row in range(rows):
-        for column in range(columns):
-            most = np.float32(0.0)
-            for k in range(column, min(column + BLOCK, columns)):
-                most = max(most, field[row, k])
-            east[row, column] = most
-    for row in range(rows):
-        for k in range(row, min(row + BLOCK, rows)):
-            for column in range(columns):
-                if east[k, column] > out[row, column]:
-                    out[row, column] = east[k, column]
-    return out
-
-
 @typed(nb.float64(_FIELD, _POINTS, nb.float64, nb.float64))
 def _mean(field: np.ndarray, cells: np.ndarray, dx: float, dy: float) -> float:
     rows, columns = field.shape
@@ -64,23 +45,23 @@ def _mean(field: np.ndarray, cells: np.ndarray, dx: float, dy: float) -> float:
     return total / max(len(cells), 1)
 
 
-@typed(_FIELD(_FIELD))
+def bounded(field: np.ndarray) -> np.ndarray:
+    """Of each cell the largest of the BLOCK x BLOCK cells from it on to the north and the east."""
+    return _largest(np.pad(field, ((0, BLOCK), (0, BLOCK))), field.shape, range(BLOCK))
+
+
 def bounded_again(coarse: np.ndarray) -> np.ndarray:
     """The same of BLOCK x BLOCK blocks: of a field of bounds the largest of those a block apart. It begins AGAIN cells
     further south and west, because a block that begins beside the field may reach into it."""
-    rows, columns = coarse.shape[0] + AGAIN, coarse.shape[1] + AGAIN
-    wide = np.zeros((rows, columns), np.float32)
-    wide[AGAIN:, AGAIN:] = coarse
-    east, out = np.zeros_like(wide), np.zeros_like(wide)
-    for row in range(rows):
-        for k in range(0, AGAIN, BLOCK):
-            for column in range(columns - k):
-                east[row, column] = max(east[row, column], wide[row, column + k])
-    for k in range(0, AGAIN, BLOCK):
-        for row in range(rows - k):
-            for column in range(columns):
-                out[row, column] = max(out[row, column], east[row + k, column])
-    return out
+    rows, columns = coarse.shape
+    return _largest(np.pad(coarse, AGAIN), (rows + AGAIN, columns + AGAIN), range(0, AGAIN, BLOCK))
+
+
+def _largest(padded: np.ndarray, shape: tuple[int, ...], shifts: range) -> np.ndarray:
+    """Of each cell of that shape the largest of those so far to the north and so far to the east of it."""
+    east = np.maximum.reduce([padded[:, k:k + shape[1]] for k in shifts])
+    largest: np.ndarray = np.maximum.reduce([east[k:k + shape[0]] for k in shifts])
+    return largest
 
 
 @typed(nb.types.Tuple((_POINTS, nb.float64[:, :, ::1]))(nb.types.UniTuple(_FIELD, 2), _POINTS, _NUMBERS, _NUMBERS, nb.int64,

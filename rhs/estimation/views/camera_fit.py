@@ -36,14 +36,11 @@ BENT_PER_M = 0.03  # inverse depth that bends by more between the blocks of a th
 
 @dataclass(frozen=True)
 class CameraFit:
-    """focal_ratio: the focal length that fits over the one told. principal_px (2,): the principal point that fits less the
-    one told. depth_magnified: size of the depth image on the picture over that of a registered one. Each with its standard
-    error. pairs of views and pairs of key-points that say so."""
+    """focal_ratio: the focal length that fits over the one told. depth_magnified: size of the depth image on the picture
+    over that of a registered one. Each with its standard error. pairs of views and of key-points that say so."""
 
     focal_ratio: float
     focal_ratio_sigma: float
-    principal_px: tuple[float, float]
-    principal_px_sigma: tuple[float, float]
     depth_magnified: float
     depth_magnified_sigma: float
     pairs: int
@@ -85,16 +82,13 @@ def fit_camera(views: Sequence[View], *, rng: np.random.Generator, settings: Cam
     pairs = _matched(views, s, rng)
     if pairs is None:
         return None
-    camera = views[0].camera
-    solved = _solved(pairs, float(camera.fx), s)
+    solved = _solved(pairs, float(views[0].camera.fx), s)
     if solved is None:
         return None
     shared, sigma, agreed = solved
-    ratio, f = float(np.exp(shared[0])), np.array([camera.fx, camera.fy])
-    middle, unsure = f * ratio * shared[1:3], f * ratio * sigma[1:3]
-    return CameraFit(ratio, ratio * float(sigma[0]), (float(middle[0]), float(middle[1])),
-                     (float(unsure[0]), float(unsure[1])), 1.0 + float(shared[4]), float(sigma[4]),
-                     len(pairs.motions), int(agreed.sum()))
+    ratio = float(np.exp(shared[0]))
+    return CameraFit(ratio, ratio * float(sigma[0]), 1.0 + float(shared[4]), float(sigma[4]), len(pairs.motions),
+                     int(agreed.sum()))
 
 
 def contradictions_of(fit: CameraFit, camera: Camera, settings: CameraFitSettings) -> list[str]:

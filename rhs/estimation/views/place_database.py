@@ -93,7 +93,8 @@ class PlaceDatabase:
         if self._rules.faint_checks > 0 and comparable and not any(map(self._fits, likely)):
             faint = replace(self._settings.sighting, min_inliers=self._rules.faint_inliers)
             more = self._likely([*self._spread(ranked, self._rules.faint_checks), *believed], view, faint)
-            likely = [item for item in more if self._enough(item) or self._fits(item)]
+            enough = self._settings.sighting.min_inliers
+            likely = [item for item in more if item.sighting.inliers >= enough or self._fits(item)]
         return self._judged(likely, ranked, scores)
 
     def _spread(self, ranked: np.ndarray, most: int) -> list[int]:
@@ -142,9 +143,6 @@ class PlaceDatabase:
         seen, rules = view.snapshot, self._rules
         score = explainability(self.memory, seen.features, seen.camera, item.map_from_body, settings=rules.explain).score
         return replace(item, score=score, fit=fit(self.memory, view.blocks, item.map_from_body, rules.thumbnails))
-
-    def _enough(self, item: Recognised) -> bool:
-        return item.sighting.inliers >= self._settings.sighting.min_inliers
 
     def _doubtful(self, item: Recognised) -> bool:
         """Whether the picture is known not to fit, and too few key-points agree to outweigh that."""
