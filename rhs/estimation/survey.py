@@ -26,6 +26,7 @@ FURNITURE_VOTES = 2.0  # views, less those that saw through, that make a thing o
 FURNITURE = 0.95  # chance that a cell with so many is occupied
 HIDDEN = 0.5  # the same of one behind such a thing that no view showed
 HIDES_M = 1.0  # a thing is no deeper than this
+BLUR_M, LEVER_M = 0.1, 3.0  # a cell of the map; of a beam as long as most: by how much its end is off is told in such cells
 LEAST_PLACES = 20  # views that stay stored whatever they take
 MOST_PLACES = 500  # views stored at most where memory is bounded: closing the loop compares each with each, in 30 MB
 
@@ -166,11 +167,11 @@ def close(views: Sequence[View], loop_closer: LoopCloser, *, who: str = "loop_cl
 
 
 def draw(views: Sequence[View], mapper: Mapper, *, who: str = "mapper") -> OccupancyGrid:
-    """The map, drawn anew from the corrected poses, with what stands below the camera's height laid over what the mapper
-    drew of the scans. who: the mapper as typed, for errors."""
+    """The map, drawn anew from the corrected poses, the surest last, with what stands below the camera's height laid over
+    what the mapper drew of the scans. who: the mapper as typed, for errors."""
     mapper.reset()
     obstacles = False
-    for view in views:
+    for view in (views[k] for k in surest_last(views)):
         obstacles |= view.obstacle is not None
         if view.scan is not None:
             mapper.update(view.map_from_body, view.scan)
@@ -178,6 +179,23 @@ def draw(views: Sequence[View], mapper: Mapper, *, who: str = "mapper") -> Occup
     if mapper.draws_furniture or not obstacles:
         return grid
     return furnished(grid, views)
+
+
+def surest_last(views: Sequence[View]) -> list[int]:
+    """The numbers of the views in the order in which they are drawn: the last ones decide of a cell that was seen often, and
+    the end of a survey whose loop nobody closed knows worst where it is. Those whose beams end off by less than BLUR_M, by
+    what the loop closer says (View.of_map), and those as unsure as each other, keep the order in which they were taken."""
+    said = [(k, _end_sigma_m(view.of_map)) for k, view in enumerate(views) if view.of_map is not None]
+    if not said:
+        return list(range(len(views)))
+    at, sigma_m = np.array(said, float).T
+    blur = np.floor(np.interp(np.arange(len(views)), at, sigma_m) / BLUR_M)
+    return [int(k) for k in np.argsort(-blur, kind="stable")]
+
+
+def _end_sigma_m(of_map: np.ndarray) -> float:
+    """Metres by which the end of a beam of LEVER_M is off (1 sigma), of a pose with covariance (6, 6)."""
+    return float(np.sqrt(np.linalg.eigvalsh(of_map[:2, :2])[-1] + LEVER_M**2 * of_map[5, 5]))
 
 
 def furnished(grid: OccupancyGrid, views: Sequence[View]) -> OccupancyGrid:
@@ -188,7 +206,7 @@ def furnished(grid: OccupancyGrid, views: Sequence[View]) -> OccupancyGrid:
 
     low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())
     shown, hidden = np.zeros(grid.shape, bool), np.zeros(grid.shape, bool)
-    for view in views:
+    for view in (views[k] for k in surest_last(views)):
         if view.obstacle is None:
             continue
         hits = low_only(view.obstacle, view.scan)

@@ -16,7 +16,7 @@ from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser, ways_m
 from .house_expo import floor_in
-from .map_walls import Building, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
+from .map_walls import Building, behind_doors, no_room, room_of, roomiest_m, shut_m2, shut_words, walls_of
 from .maps import advice_on, load_map, odd_shades, read_header, writing_in
 from .mesh_files import MESHES
 from .mesh_world import read_solid
@@ -122,6 +122,10 @@ def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None
     room = room_of(grid, radius_m, start_m)
     if not room.any():
         raise no_room(str(path), grid, radius_m, start_m, advice_on(path) if path.suffix != ".json" else "")
+    if start_m is None and (inside := behind_doors(grid, room, radius_m)).sum() < room.sum():
+        room = inside
+        log.warning("%s: its doors to the paper round it are shut (to drive there too give start in a world file)",
+                    path.name)
     stand = roomiest_m(grid, room, radius_m + MARGIN_M + SPARE_M)
     if said := shut_words(shut_m2(grid, stand if start_m is None else start_m, radius_m)):
         log.warning("%s: %s", path.name, said)

@@ -21,6 +21,8 @@ HEIGHT_M = 2.6
 LEAK_M = 0.1  # a gap in a wall, a cell of the true plan; no door
 LEAST_SHUT_M2 = 2.0  # of a room that is spoken of; inside the outline of a bed a small robot's middle has less
 INDOORS = 0.1  # least share of the roomiest room that one indoors must have to be preferred: no cupboard
+DOORS_M = 1.4  # wider than most doors
+ENCLOSED = 1.0 / 3.0  # least share of what a drawing covers that lies behind its doors, if paper lies before them
 INDOORS_M2 = 10.0  # room for the robot's middle indoors for which the roomiest room is paper, if it holds the corners
 
 
@@ -63,6 +65,30 @@ def room_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None = N
     least = min(least, INDOORS_M2 / grid.resolution_m**2) if paper else least
     ranked = np.where(indoors, sizes, 0) if np.any(sizes[indoors] >= least) else sizes
     return np.asarray(rooms == owner[1 + int(np.argmax(ranked))])
+
+
+def behind_doors(grid: OccupancyGrid, room: np.ndarray, radius_m: float) -> np.ndarray:
+    """(H, W) bool: of a room that runs out of a door onto the paper round a drawn plan, what lies behind that door: where
+    something as wide as DOORS_M does not get to from the edge of the picture. The room itself where no paper lies all
+    round, or where less than ENCLOSED of what the walls span, or no room for a robot of that radius, is behind doors."""
+    from scipy.ndimage import distance_transform_edt, label
+
+    edge = np.concatenate([room[0], room[-1], room[:, 0], room[:, -1]])
+    walls = np.argwhere(grid.occupied())
+    if not edge.all() or not len(walls):
+        return room
+    wide = 0.5 * DOORS_M / grid.resolution_m
+    around = int(np.ceil(2.0 * wide))
+    spaces, _ = label(distance_transform_edt(np.pad(room, around, constant_values=True)) >= wide)
+    outside = inflate(spaces == spaces[0, 0], wide)[around:-around, around:-around]
+    inside = room & ~outside
+    parts, _ = label(inside)
+    fits = inside & ~configuration_space(~inside, radius_m / grid.resolution_m)
+    sizes = np.bincount(parts[fits], minlength=1)
+    span = np.ptp(walls, axis=0) + 1
+    if inside.sum() < ENCLOSED * span[0] * span[1] or len(sizes) < 2:
+        return room
+    return np.asarray(parts == 1 + int(np.argmax(sizes[1:])))
 
 
 def shut_m2(grid: OccupancyGrid, at_m: np.ndarray, radius_m: float) -> list[float]:

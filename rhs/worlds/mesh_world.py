@@ -13,7 +13,7 @@ from rhs.api.grid import OccupancyGrid, frame_of
 from rhs.base.errors import ConfigError
 
 from .gazebo import fetched
-from .map_walls import HEIGHT_M, Building, no_room, room_of, roomiest_m, shut_m2, shut_words
+from .map_walls import DOORS_M, HEIGHT_M, Building, no_room, room_of, roomiest_m, shut_m2, shut_words
 from .mesh_files import MESHES, Y_UP, MeshFile, read_mesh
 from .scene_files import read_scene
 from .soup import Part, dressed, sound
@@ -22,7 +22,7 @@ from .world_yaml import Section
 
 log = logging.getLogger("rhs.worlds")
 
-DOORS_M, LEAST_INDOORS_M2 = 1.4, 2.0  # wider than most doors; smaller than most rooms, less what is near their walls
+LEAST_INDOORS_M2 = 2.0  # smaller than most rooms, less what is near their walls
 STEP_M = 0.04  # what is lower than this is driven over: carpets, thresholds
 PAD_M = 1.0  # free ground round a building that is open to the outside
 LEAST_M, MOST_M = 2.0, 300.0  # of a building's longer side in metres
@@ -106,7 +106,8 @@ def _extent(parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 def _up(mesh: MeshFile, size: np.ndarray, said: list[str]) -> str:
     """The axis that points up: the format's, or the thinner of y and z, as buildings are wider than high. Said where the
-    format does not tell, and where a building would be higher than deep: programs write z up into formats whose y is up."""
+    format does not tell, and where a building would be higher than deep: programs write z up into formats whose y is up. One
+    that would be as deep as a storey is high lies on its side, and is stood up."""
     thin = "y" if size[1] < size[2] else "z"
     up = mesh.up or thin
     if up not in ("y", "z"):
@@ -114,9 +115,14 @@ def _up(mesh: MeshFile, size: np.ndarray, said: list[str]) -> str:
     if mesh.up is None and up == "y":
         said.append("taken with y up (for another write up: z in a world file)")
     height, other = (size[1], size[2]) if up == "y" else (size[2], size[1])
-    if mesh.up is not None and height > LYING * other:
-        said.append(f"the format's {up} is up: {height:.4g} high, {size[0]:.4g} x {other:.4g} wide; if it lies on its side "
-                    f"write up: {thin} in a world file")
+    if mesh.up is None or height <= LYING * other:
+        return up
+    what = f"the format's {up} is up: {height:.4g} high, {size[0]:.4g} x {other:.4g} wide"
+    if mesh.unit_m is not None and STOREY_M[0] <= other * mesh.unit_m <= STOREY_M[1]:
+        said.append(f"{what}, as of a storey that lies on its side; taken with {thin} up (if it stood, write up: {up} in a "
+                    "world file)")
+        return thin
+    said.append(f"{what}; if it lies on its side write up: {thin} in a world file")
     return up
 
 

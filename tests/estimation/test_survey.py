@@ -26,6 +26,8 @@ from rhs.api.records import (
 from rhs.estimation import survey
 from rhs.estimation.survey import ViewCollector, furnished
 from rhs.estimation.views.packed import held_bytes
+from rhs_mappers.occupancy import OccupancyMapper
+from rhs_mappers.occupancy_config import Occupancy
 
 CAMERA = camera_from_fov(32, 24, 60.0, height_m=1.0)
 
@@ -152,3 +154,29 @@ def test_a_way_without_end_in_one_room_keeps_its_places_within_their_memory():
     assert collector.views[0].features is not None and collector.views[-1].features is not None
     angles = np.sort([0.1 * view.index % (2 * np.pi) for view in stored])
     assert np.diff(angles, append=angles[0] + 2 * np.pi).max() < 1.0
+
+
+def unsure(sigma_m: float, sigma_deg: float = 0.0) -> np.ndarray:
+    return np.diag([sigma_m**2, sigma_m**2, 0.0, 0.0, 0.0, np.radians(sigma_deg) ** 2])
+
+
+def test_where_the_end_of_a_survey_does_not_know_where_it_is_the_map_is_that_of_its_beginning():
+    """Ten views of a wall 4 m ahead; the last six believe themselves 0.3 m too far on, and say that they are unsure."""
+    scan = Scan(np.linspace(-0.4, 0.4, 81), 4.0 / np.cos(np.linspace(-0.4, 0.4, 81)), 8.0)
+    views = [replace(view(k, se2(0.3 * (k > 3), 0.0, 0.0)), scan=scan, of_map=None if k % 3 else unsure(0.1 * (k // 3)))
+             for k in range(10)]
+    mapper = OccupancyMapper(Occupancy(), (-1.0, -2.0, 6.0, 2.0))
+    grid = survey.draw(views, mapper)
+    row, column = grid.cells(np.array([[4.0, 0.0]]))[0]
+    assert grid.probability[row, column] > 0.8
+    told = [replace(one, of_map=None) for one in views]  # where nobody says how unsure they are, the last have the last word
+    assert survey.draw(told, mapper).probability[row, column] < 0.1
+
+
+def test_views_that_know_where_they_are_are_drawn_as_they_were_taken():
+    """4 cm and 1 degree put the end of a beam of 3 m off by 7 cm: less than a cell of the map."""
+    said = {0: unsure(0.0), 2: unsure(0.04, 1.0), 4: unsure(0.2, 2.0), 5: unsure(0.04, 1.0)}
+    views = [replace(view(k, np.eye(4)), of_map=said.get(k)) for k in range(6)]
+    assert survey.surest_last(views) == [4, 3, 0, 1, 2, 5]  # of view 3 nobody said: half way between its neighbours
+    assert survey.surest_last(views[:4]) == [0, 1, 2, 3]
+    assert survey.surest_last([view(k, np.eye(4)) for k in range(3)]) == [0, 1, 2]

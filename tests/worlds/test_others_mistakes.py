@@ -160,6 +160,27 @@ def test_a_plan_on_a_large_sheet_of_paper_is_no_yard(tmp_path):
     assert np.ptp(np.concatenate([wall.points_m for wall in world.walls]), axis=0) == pytest.approx([8, 4], abs=0.06)
 
 
+def test_a_plan_whose_front_door_stands_open_is_driven_indoors(tmp_path, caplog):
+    """A front door of 1 m in the wall of 8 m: the rooms are the building, and not the paper before them."""
+    opened = drawn()
+    opened[100:104, 60:80] = 255  # through the southern wall
+    sheet = np.full((500, 600), 255, np.uint8)
+    sheet[200:324, 200:404] = opened
+    world = load_world(plan(tmp_path, sheet))
+    assert np.ptp(np.concatenate([wall.points_m for wall in world.walls]), axis=0) == pytest.approx([8, 4], abs=0.2)
+    assert "its doors to the paper round it are shut" in caplog.text
+    (tmp_path / "yard.yaml").write_text("building: plan.png\nstart: [2, 2, 0]\n")
+    assert load_world(tmp_path / "yard.yaml").bounds_m == pytest.approx((0, 0, 30, 25))
+
+
+def test_an_office_in_a_hall_that_reaches_the_edge_of_the_picture_is_not_all_there_is(tmp_path):
+    hall = np.full((400, 600), 255, np.uint8)
+    hall[150:274, 250:454] = np.where(drawn() == 0, 0, 255)
+    hall[250:254, 300:320] = 255
+    hall[60:64, 60:64] = hall[340:344, 540:544] = 0  # pillars
+    assert load_world(plan(tmp_path, hall)).bounds_m == pytest.approx((0, 0, 30, 20))
+
+
 def test_a_hall_that_reaches_the_edge_of_the_picture_is_no_paper_round_its_lift(tmp_path):
     hall = np.full((400, 400), 255, np.uint8)
     hall[180:230, 180:230] = 0
@@ -213,15 +234,34 @@ def test_numbers_too_coarse_for_where_a_mesh_stands_are_refused(tmp_path):
         load_world(tmp_path / "house.stl")
 
 
-def test_a_mesh_that_lies_on_its_side_by_its_formats_word_is_pointed_at(tmp_path, caplog):
+def test_a_storey_that_lies_on_its_side_by_its_formats_word_is_stood_up_and_that_is_said(tmp_path, caplog):
+    """8.2 x 4.2 m and 2.5 m high, z up, in formats whose y is up: it would be 4.2 m high and 2.5 m deep."""
     trimesh = pytest.importorskip("trimesh")
-    trimesh.load(obj(tmp_path)).export(tmp_path / "house.glb")  # z up, in a format whose y is up
-    load_world(tmp_path / "house.glb")
-    assert "write up: z in a world file" in caplog.text
+    pytest.importorskip("collada")
+    mesh = trimesh.load(obj(tmp_path))
+    upright = pytest.approx((-0.1, -0.1, 8.1, 4.1), abs=1e-4)
+    mesh.export(tmp_path / "house.glb")
+    (tmp_path / "house.dae").write_bytes(trimesh.exchange.dae.export_collada(mesh))  # says Y_UP of whatever it is
+    for name in ("house.glb", "house.dae"):
+        caplog.clear()
+        assert load_world(tmp_path / name).bounds_m == upright
+        assert "taken with z up" in caplog.text and "write up: y in a world file" in caplog.text
     caplog.clear()
     (tmp_path / "told.yaml").write_text("building: house.glb\nup: z\n")
-    assert load_world(tmp_path / "told.yaml").bounds_m == pytest.approx((-0.1, -0.1, 8.1, 4.1), abs=1e-4)
-    assert "lies on its side" not in caplog.text
+    assert load_world(tmp_path / "told.yaml").bounds_m == upright
+    (tmp_path / "tower.yaml").write_text("building: house.glb\nup: y\n")
+    assert load_world(tmp_path / "tower.yaml").bounds_m != upright
+    assert "on its side" not in caplog.text
+
+
+def test_a_mesh_that_may_lie_on_its_side_is_pointed_at(tmp_path, caplog):
+    """Too deep for a storey: 12.6 m high and 5 m deep, or a hall of 16.4 x 12.6 m."""
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.load(obj(tmp_path))
+    mesh.apply_scale((2.0, 3.0, 2.0))
+    mesh.export(tmp_path / "house.glb")
+    load_world(tmp_path / "house.glb")
+    assert "write up: z in a world file" in caplog.text and "taken with" not in caplog.text
 
 
 @pytest.mark.parametrize(("share", "says"), [(0.0, False), (0.004, False), (0.03, True), (-0.03, True)])
