@@ -16,7 +16,8 @@ from rhs.api.trajectory import seconds_in
 from ..replay_cameras import check_pose
 from ..replay_stamps import number_of, rows
 
-FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log", "traj_w_c.txt")
+FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log", "traj_w_c.txt", "lowres_wide.traj",
+         "pose_intrinsic_imu.json")
 FOLDERS = ("pose", "poses")
 _NUMBER = re.compile(r"(\d+)(?:\.pose)?$")  # 12, frame_0012, frame-000012.pose
 Poses = dict[int, np.ndarray | None]  # by line from 0, or by the number in the name
