@@ -39,7 +39,6 @@ FILES[".parquet"], FILES[".npz"] = FILES[".feather"], FILES[".npy"]
 BESIDE = (".csv", ".npy", ".npz", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
 VIDEO = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "theora")
 MESSAGES = {
-    "CustomMsg": "Livox's own message is not read: drive it with xfer_format: 0 (PointCloud2), or convert it",
     "VelodyneScan": "packets of a lidar are not read: play the bag by velodyne_pointcloud and record the PointCloud2",
     "PacketMsg": "packets of a lidar are not read: play the bag by ouster_ros and record the PointCloud2",
     "PointCloud": "the old PointCloud is not read: convert it (point_cloud_converter)",
