@@ -1,5 +1,5 @@
-"""Recordings of ARKitScenes, ScanNet++, 3D Scanner App, Polycam, Record3D, SceneNet RGB-D, KITTI-360, Monado, AirSim, thermal
-cameras and Livox as people have them."""
+"""Recordings of ARKitScenes, ScanNet++, 3D Scanner App, Polycam, Record3D, SceneNet RGB-D, KITTI-360, Monado, AirSim, Livox
+and thermal cameras as people have them."""
 
 from __future__ import annotations
 

@@ -198,7 +198,7 @@ def camera_of_names(given: dict[str, Any], size: tuple[int, int]) -> Camera:
     width, height = (plain.get(f"image_{key}") or plain.get(key) or plain.get(key[0]) for key in ("width", "height"))
     width, height = plain.get("resolution", (width or size[0], height or size[1]))
     said = (int(width), int(height))
-    nine = next((plain[key] for key in ("intrinsic_matrix", "intrinsics", "k") if np.size(plain.get(key)) == 9), None)
+    nine = next((plain[key] for key in ("intrinsic_matrix", "intrinsics", "k") if np.size(plain.get(key, ())) == 9), None)
     if nine is not None:
         matrix = np.array(nine, float).reshape(3, 3)
         matrix = matrix if (matrix[2, :2] == 0.0).all() else matrix.T  # column by column
