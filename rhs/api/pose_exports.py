@@ -23,6 +23,7 @@ from rhs.base.errors import RecordingError
 from .geometry import inverse, quaternion_xyzw, rotation_of_quaternion, se3
 
 UNITS_M = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
+NO_UNIT = 0.01  # by which four numbers that are no quaternion are longer or shorter than one
 FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])  # optical axes seen from a camera of OpenGL
 _TABLE = "write it as lines of `stamp x y z qx qy qz qw` (seconds, metres)"
 _ARRAY = "python -c \"import numpy as n; a=n.load('{file}'); n.savetxt('way.txt', a.reshape(len(a), -1))\""
@@ -36,7 +37,7 @@ OTHERS = {  # by the ending, or the first word
     "NO_OF_FRAMES": f"a table of Qualisys, in millimetres: {_TABLE}",
     "FLASER": "a laser log: python -m rhs source=replay source.path={file} leaves corrected.tum and truth_survey.tum",
 }
-OTHERS |= {"Segments": OTHERS["Objects"], "$GPGGA": OTHERS[".gpx"], ".kml": OTHERS[".gpx"], ".nmea": OTHERS[".gpx"]}
+OTHERS |= {"Segments": OTHERS["Objects"], **dict.fromkeys((".kml", ".nmea", "$GPGGA", "$GNGGA", "$GPRMC"), OTHERS[".gpx"])}
 OTHERS |= dict.fromkeys(("ODOM", "ROBOTLASER1", "RAWLASER1", "PARAM", "TRUEPOS"), OTHERS["FLASER"])
 _ADJUSTED = re.compile(r"\d+ \d+ \d+\n\d+ \d+ +-?\d+\.")  # the head and the first observation of a BAL problem
 
@@ -63,7 +64,7 @@ def exported(text: str, where: str) -> str | None:
             return "\n".join(_line(stamp, pose) for stamp, pose in known)
         if text.startswith("# kapture format"):
             return "\n".join(_of_kapture(text))
-        if where.endswith(".traj"):
+        if where.endswith(".traj") and _is_arkit(text):
             return "\n".join(map(_of_rotation_vector, text.splitlines()))
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, StopIteration, RecursionError) as error:
         said = " ".join(str(error).split())[:160]
@@ -107,6 +108,14 @@ def _of_kapture(text: str) -> Iterator[str]:
         raise ValueError(f"of {len(devices)} devices of kapture ({', '.join(devices[:4])}); expected the lines of one")
     for stamp, _, w, x, y, z, *place in rows:
         yield _line(stamp, inverse(_posed([x, y, z, w], place)))
+
+
+def _is_arkit(text: str) -> bool:
+    """Whether the lines have seven numbers, and the last four are no quaternions."""
+    rows = [line.split() for line in text.splitlines() if line.strip()]
+    if {len(row) for row in rows} != {7}:
+        return False
+    return bool((np.abs(np.linalg.norm(np.array(rows, float)[:, 3:], axis=1) - 1.0) > NO_UNIT).any())
 
 
 def _of_rotation_vector(line: str) -> str:

@@ -129,6 +129,11 @@ def test_other_files_say_what_makes_a_trajectory_of_them(tmp_path, name, text, s
     assert len(shortened(str(caught.value))) < LONGEST or len(str(caught.value)) <= LONGEST
 
 
+def test_a_tum_file_of_whatever_name_is_one(tmp_path):
+    write_tum(tmp_path / "way.traj", WAY)
+    assert np.allclose(read_trajectory(tmp_path / "way.traj").poses, WAY.poses, atol=1e-6)
+
+
 def test_arrays_say_how_they_become_lines(tmp_path):
     np.save(tmp_path / "way.npy", np.zeros((3, 7)))
     with pytest.raises(RecordingError, match="n.savetxt"):
