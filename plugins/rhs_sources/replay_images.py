@@ -42,6 +42,12 @@ def read_color(path: Path) -> np.ndarray:
     return image
 
 
+def is_wide(path: Path) -> bool:
+    """Whether it is a PNG of 16 bits a channel."""
+    head = head_of(path)
+    return head[:4] == b"\x89PNG" and head[24:25] == b"\x10"
+
+
 def has_mosaic(image: np.ndarray) -> bool:
     """Whether a grey image (H, W, 3) was kept as it lay behind a Bayer filter: a pixel differs more from its neighbours,
     which are of other colours, than from the next but one, which is of its own. Of other images it is half as much."""

@@ -14,7 +14,7 @@ from rhs.api.geometry import inverse, rotation_of_quaternion, se3, transform
 from rhs.api.settings import near_file
 from rhs.api.trajectory import check_unit, in_tum_order, seconds_in
 
-UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}  # digits of a Unix time of these years in s, ms, us and ns
+UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 18: 1e-7, 19: 1e-9}  # digits of a time of these years in s, ms, us, 100 ns, ns
 CLOUD_TIME = "cloud_time_s"
 TIME_FIELDS = ("t", "time", "timestamp", "stamps", "time_stamp", "offset_time", "time_offset")  # as drivers call it
 POINT_UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
@@ -180,7 +180,7 @@ def read_tum_truth(path, settings) -> Truth:
     """A TUM trajectory (stamp tx ty tz qx qy qz qw, or as a header names them) as Truth; poses that hold NaN or infinity are
     counted and left out. Raises ConfigError with file and line."""
     stamps, poses, unknown = [], [], 0
-    for number, words in rows(path, in_tum_order):
+    for number, words in rows(path, lambda text: in_tum_order(text, str(path))):
         where = f"{path.name}:{number}"
         if len(words) != 8:
             raise ConfigError(f"{where}: found {len(words)} columns; expected stamp tx ty tz qx qy qz qw")

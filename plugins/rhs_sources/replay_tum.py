@@ -162,7 +162,8 @@ def _pairs(path: Path, settings) -> tuple[list[tuple[float, Path, Path | None]],
     if color is not None and depth is not None:
         (color_s, colors, lost_a), (depth_s, depths, lost_b) = (_list(path / name, settings) for name in (color, depth))
         pairs = associate(color_s, depth_s, settings.max_difference_s)
-        lost = lost_a + lost_b + Counter(unpaired=len(color_s) - len(pairs))
+        lost = lost_a + lost_b - Counter(jump=lost_b["jump"])  # one clock leaps in both lists
+        lost += Counter(unpaired=len(color_s) - len(pairs))
         return [(float(color_s[i]), colors[i], depths[j]) for i, j in pairs], +lost
     if associated is None:
         raise ConfigError(f"{path}: depth.txt is there but rgb.txt is not; replay needs both, or associations.txt")

@@ -31,15 +31,25 @@ FILES = {
     ".tfrecord": "records of TensorFlow (Waymo, Open X): write clouds as float32 x, y, z in .bin, images as .png, one file "
                  "each",
     ".feather": "a table of points (Argoverse): write float32 x, y, z as .bin, one file a scan",
+    **dict.fromkeys((".ply", ".pcd", ".bin"), "one cloud: a recording is a folder of them, numbered; a .ply with faces is a "
+                    "building: world={file}"),
+    ".pkl": "objects of Python: write clouds as float32 x, y, z in .bin, images as .png, one file each",
+    ".osf": "a recording of Ouster: by its SDK write a bag, or packets that its ROS driver plays",
+    ".lvx": "a recording of Livox's viewer: roslaunch livox_ros_driver lvx_to_rosbag.launch lvx_file_path:={file}",
+    ".vrs": f"a recording of Project Aria: export its images as {_IMAGES}",
+    ".rrd": "a recording of Rerun: give the bag, the folder or the run.mcap that it was made of",
+    ".xef": f"a recording of Kinect Studio: export it as {_IMAGES}",
+    ".ulg": "a log of PX4, without images or scans: give the bag or the video that was recorded beside it",
+    ".aedat4": f"events of a camera: make images of them, as {_IMAGES.replace(' and depth/000001.png', '')}",
     ".db": "a data base: of RTAB-Map, rtabmap-export or rtabmap-databaseViewer write its images",
 }
 FILES |= dict.fromkeys((".laz", ".e57"), FILES[".las"]) | {".relations": FILES[".rel"], ".pts": FILES[".xyz"]}
 FILES |= {".svo2": FILES[".svo"], ".oniz": FILES[".oni"], ".pcapng": FILES[".pcap"], ".hdf5": FILES[".h5"]}
+FILES[".lvx2"] = FILES[".lvx"]
 FILES[".parquet"], FILES[".npz"] = FILES[".feather"], FILES[".npy"]
 BESIDE = (".csv", ".npy", ".npz", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
 VIDEO = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "theora")
 MESSAGES = {
-    "CustomMsg": "Livox's own message is not read: drive it with xfer_format: 0 (PointCloud2), or convert it",
     "VelodyneScan": "packets of a lidar are not read: play the bag by velodyne_pointcloud and record the PointCloud2",
     "PacketMsg": "packets of a lidar are not read: play the bag by ouster_ros and record the PointCloud2",
     "PointCloud": "the old PointCloud is not read: convert it (point_cloud_converter)",

@@ -19,6 +19,7 @@ from rhs.base.errors import RecordingError
 
 from .files import replacing
 from .geometry import align, inverse, se3
+from .pose_exports import advice_for, exported
 
 log = logging.getLogger("rhs.trajectory")
 _STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
@@ -29,8 +30,9 @@ _ANGLE = re.compile(r"(?:.*[._ ])?(roll|pitch|yaw|theta|heading|th)[_ ]?(rad|rad
 _NCLT_ROW = re.compile(r"\d{16}(,\s*[^,\s]+){6}$")  # microseconds, x y z, roll pitch heading
 _ECHO_ROW = re.compile(r"\d{1,10},\d{1,9},[a-zA-Z_/][^,]*,([a-zA-Z_/][^,]*,)?[-\d]")  # ros2 topic echo --csv: s, ns, frames
 _LOST_ROW = re.compile(r"[-+.\deE]+(?:[,;\s]+[-+]?nan){7,}[,;\s]*|[-+.\deE]+[,;]{7,}\s*", re.I)  # a stamp, and nothing more
-_DIGITS = {13: 3, 16: 6, 19: 9}  # of a Unix time in ms, us and ns; so many of them are behind the point
+_DIGITS = {13: 3, 16: 6, 18: 7, 19: 9}  # of a time in ms, us, Windows' 100 ns and ns; so many of them are behind the point
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
+_NED = {"northing": "x", "easting": "y", "down": "z"}  # of Oxford RobotCar's ins.csv and rtk.csv
 MOST_HEADING = 6.3  # that is taken for radians where nobody says
 ALIGNMENTS = ("none", "origin", "yaw", "se3", "sim3")
 
@@ -110,8 +112,10 @@ def in_tum_order(text: str, where: str = "line") -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
     (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, `time,x,y,yaw`, `t,x,y,z,roll,pitch,yaw`,
     commented or not), or EuRoC's, which begins with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2
-    topic echo --csv`, without one; line by line. Another text as it is. where: its file. Raises RecordingError of angles
-    whose unit nobody says."""
+    topic echo --csv`, without one, line by line; or an export of another program (pose_exports). Another text as it is.
+    where: its file. Raises RecordingError of angles whose unit nobody says."""
+    if (other := exported(text, where)) is not None:
+        return other
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)
@@ -158,6 +162,7 @@ def _angled_columns(header: str) -> tuple[list[int], float] | None:
     radians = 0.0
     for k, name in enumerate(header.lstrip("#%\ufeff ").split(separator)):
         name = re.sub(r"[\[(\s]+", " ", name.strip(" \"'_").lower()).rstrip(" )]")
+        name = _NED.get(name, name)
         plain = re.split(r"[._ ]", name)
         key = "t" if _STAMP.fullmatch(name.split(" ")[0]) else next((axis for axis in "xyz" if axis in plain), "")
         if angle := _ANGLE.fullmatch(name):
@@ -229,7 +234,8 @@ def _text(path: Path) -> str:
         check_regular(path)
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise RecordingError(f"{path} is not text (byte {error.start}); expected a TUM trajectory file") from error
+        advice = advice_for(str(path)) or "expected a TUM trajectory file"
+        raise RecordingError(f"{path} is not text (byte {error.start}); {advice}") from error
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
 
@@ -240,7 +246,8 @@ def _tum_row(words: list[str], where: str) -> list[float]:
     except ValueError:
         row = []
     if len(row) != 8 or not np.all(np.isfinite(row)):
-        alone = "; of places alone write 0 0 0 1 behind each (rotations then tell nothing)" if len(row) == 4 else ""
+        alone = ("; of places alone write 0 0 0 1 behind each (rotations then tell nothing), of headings `t x y yaw` as the "
+                 "first line" if len(row) == 4 else "")
         raise RecordingError(f"{where}: found '{' '.join(words)[:60]}', expected 8 finite numbers: "
                              f"stamp x y z qx qy qz qw{alone}")
     check_unit(row[4:], where)

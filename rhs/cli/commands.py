@@ -45,6 +45,9 @@ def command(words: Sequence[str]) -> Callable[[], int] | None:
     if name in PLUGIN_KINDS:
         raise ConfigError(f"{name} is a kind of part: type {name}=NAME, or python -m rhs help {name} for those there are")
     if name not in COMMANDS:
+        from rhs.config.overrides import check_no_path
+
+        check_no_path(name)
         raise ConfigError(f"{name}: neither a command nor key=value{nearest(name, list(COMMANDS))}; "
                           f"commands: {', '.join(COMMANDS)}")
     asked = any(word in ("-h", "--help") for word in rest)

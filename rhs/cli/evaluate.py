@@ -2,7 +2,8 @@
 
     python -m rhs.evaluate RUN_FOLDER            recompute the row's figures and compare them with row.json
     python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM, KITTI, EuRoC, MulRan, TartanAir,
-                                                 g2o, TORO, COLMAP (images.txt) or Open3D files
+                                                 g2o, TORO, COLMAP (images.txt), Open3D, Motive, kapture, ARKitScenes,
+                                                 RobotCar, nuScenes or Nerfstudio files
     python -m rhs.evaluate EST --relations FILE  errors of published relations between scans; EST: a TUM file or a run folder
 
 Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files, or when less than half of the
@@ -17,7 +18,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rhs.api.trajectory import ALIGNMENTS
+from rhs.api.trajectory import ALIGNMENTS, Trajectory
 from rhs.base.commands import Arguments, answered, check_regular, complain
 from rhs.base.errors import ConfigError, RecordingError
 from rhs.metrics.evaluate import evaluate_folder, evaluate_relations, evaluate_ways, read_pair
@@ -77,7 +78,7 @@ def _print(chosen: argparse.Namespace) -> int:
         sys.stdout.write(_lines(values))
         if fault := clock_fault(values) or pose_fault(*ways, chosen.tolerance):
             return complain(fault, 3)
-        return _doubted(float(str(values["matched_share"])), chosen.tolerance)
+        return _doubted(float(str(values["matched_share"])), chosen.tolerance, *ways)
     if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():
         raise ConfigError("expected one run folder, or two trajectories (TUM, KITTI, EuRoC): ESTIMATE TRUTH")
     sys.stdout.write(_lines(evaluate_folder(chosen.paths[0])))
@@ -86,12 +87,13 @@ def _print(chosen: argparse.Namespace) -> int:
     return 3 if wrong else 0
 
 
-def _doubted(matched_share: float, tolerance_s: float) -> int:
+def _doubted(matched_share: float, tolerance_s: float, *ways: Trajectory) -> int:
     """The exit code for the figures of so many of the poses: 3, and why, where they are of a minority."""
     if matched_share >= HALF:
         return 0
-    return complain(f"only {matched_share:.1%} of the poses have a partner within {tolerance_s:g} s, and the figures are of "
-                    f"these alone; expected at least {HALF:.0%}: other files, or --tolerance SECONDS", 3)
+    spans = " and ".join(f"{way.stamps_s[0]:.1f} to {way.stamps_s[-1]:.1f}" for way in ways if len(way))
+    return complain(f"only {matched_share:.1%} of the poses have a partner within {tolerance_s:g} s (--tolerance), and the "
+                    f"figures are of these alone: stamps of {spans}; another clock?", 3)
 
 
 def _lines(values: Mapping[str, object]) -> str:

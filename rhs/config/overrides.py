@@ -14,6 +14,7 @@ import shlex
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -102,6 +103,13 @@ class _Names:
         return registry.names(group)
 
 
+def check_no_path(word: str) -> None:
+    """Refuse the name of a file or folder that stands alone, with what to type before it."""
+    if Path(word).exists():
+        raise ConfigError(f"{word}: a file or folder; for a recording write source=replay source.path= before it, for a map "
+                          "or a building world=")
+
+
 def _parse_one(parser: OverridesParser, word: str) -> Override:
     if word.startswith("-"):
         raise ConfigError(f"unknown option {word}; see python -m rhs --help")
@@ -112,6 +120,7 @@ def _parse_one(parser: OverridesParser, word: str) -> Override:
         override = parser.parse_override(word)
     except (HydraException, ValueError) as error:
         if "=" not in word.strip("="):
+            check_no_path(word)
             raise ConfigError(f"cannot read '{word}': write key=value, for example seed=3") from error
         reason = " ".join(str(error).split())[:100]
         word = word if len(word) < 60 else f"{word[:57]}..."

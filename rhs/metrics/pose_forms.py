@@ -25,6 +25,8 @@ TURN_RAD = 0.1  # least median turn between two moments
 CONTRADICTS, HALF = 0.5, 0.5  # share of the motions that is left; of that, and of the relative error, with another reading
 LEAST_M, SAME_UNIT = 0.01, 0.1  # extent of a way that tells its unit, and by which share it may be off
 MOST_SAME, MOVED_M = 0.9, 0.5  # share of beliefs that are moved alike, and how far off their middle one has to be
+MIRRORED = 0.3  # of what the best move of the places leaves, that the best mirrored one leaves at most
+LEAST_MIRRORED = 0.02  # of the extent of a way, that the best move leaves
 AXES_DEG = 20.0  # bodies that are turned by less are taken for one
 
 
@@ -39,7 +41,7 @@ class _Fit:
 def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> str:
     """What is wrong with the poses of two trajectories as they were read, and what to type; empty where nothing is seen."""
     both = pair(estimate, truth, tolerance_s)
-    if fault := _unit(both):
+    if fault := _unit(both) or _mirrored(both):
         return fault
     steps = _steps(both.truth.poses)
     if len(steps) < LEAST_STEPS:
@@ -64,6 +66,22 @@ def _unit(both: Pairing) -> str:
                 return (f"the {name} is {large / small:.0f} times as large as the other: in {unit}? divide its places by "
                         f"{times:g}")
     return ""
+
+
+def _mirrored(both: Pairing) -> str:
+    """That the places of one are the mirror image of the other's, as of a left-handed program (Unity, Unreal); of a way on
+    the floor no place tells. What the best move and the best mirrored one leave: Umeyama, PAMI 13(4), 1991."""
+    if len(both.truth) < LEAST_STEPS:
+        return ""
+    mine, theirs = (way.positions_m - way.positions_m.mean(axis=0) for way in (both.estimate, both.truth))
+    mine, theirs = (places / max(float(np.linalg.norm(places)), 1e-12) for places in (mine, theirs))
+    u, s, vt = np.linalg.svd(theirs.T @ mine)
+    signed = s[0] + s[1] + np.array([1.0, -1.0]) * np.sign(np.linalg.det(u @ vt)) * s[2]
+    moved, mirrored = np.sqrt(np.maximum(1.0 - signed**2, 0.0))  # shares of the extent, each at its best scale
+    if moved < LEAST_MIRRORED or mirrored > MIRRORED * moved:
+        return ""
+    return ("the places of one file are the mirror image of the other's, of left-handed axes (Unreal, Unity)? no figure "
+            "means anything as read: negate y, qx and qz (Unity: z, qx and qy)")
 
 
 def w_first(poses: np.ndarray) -> np.ndarray:

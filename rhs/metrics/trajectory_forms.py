@@ -23,6 +23,7 @@ from rhs.base.errors import RecordingError
 MATRIX, WHOLE, UNTIMED, EUROC_NUMBERS = 12, 16, 7, 8  # numbers a line
 SKEW = 0.05  # a rotation may be so far from one; files are rounded
 PLANAR, SPATIAL = ("VERTEX_SE2", "VERTEX2"), ("VERTEX_SE3:QUAT", "VERTEX3")  # of g2o and of TORO
+GTSAM = 2**56 - 1  # of a key: GTSAM writes a letter above the number, and the sum has more digits than a float
 COLMAP_WORDS = 10  # of an image's line
 _IN_NAME = re.compile(r"(\d+(?:\.\d+)?)\.[A-Za-z]+$")
 Rows = list[tuple[int, list[str]]]
@@ -30,6 +31,16 @@ Rows = list[tuple[int, list[str]]]
 
 def read_trajectory(path: Path) -> Trajectory:
     """A trajectory in any of these forms. Raises RecordingError with file and line."""
+    way, times = _read(path), path.parent / "times.txt"
+    if not numbered(way) or not times.is_file():
+        return way
+    stamps = np.array([finite_numbers([word], str(times), 1, "a line")[0] for word in times.read_text("utf-8").split()])
+    if len(stamps) != len(way) or (np.diff(stamps) <= 0).any():
+        raise RecordingError(f"{times}: {len(stamps)} stamps for {len(way)} poses; expected as many, increasing")
+    return Trajectory(stamps, way.poses)
+
+
+def _read(path: Path) -> Trajectory:
     check_regular(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -84,11 +95,6 @@ def _matrices(path: Path, rows: Rows, stamped: int) -> Trajectory:
             raise RecordingError(f"{path}:{number}: the first three columns are no rotation; expected a KITTI pose")
         poses[k, :3] = np.array(values[stamped : stamped + MATRIX]).reshape(3, 4)
         stamps[k] = values[0] * seconds_in(values[0]) if stamped else k
-    times = path.parent / "times.txt"
-    if times.is_file() and not stamped:
-        stamps = np.array([finite_numbers([word], str(times), 1, "a line")[0] for word in times.read_text("utf-8").split()])
-        if len(stamps) != len(rows) or (np.diff(stamps) <= 0).any():
-            raise RecordingError(f"{times}: {len(stamps)} stamps for {len(rows)} poses; expected as many, increasing")
     return _ascending(stamps, poses)
 
 
@@ -121,7 +127,7 @@ def _graph(path: Path, rows: Rows) -> Trajectory:
         where, flat = f"{path}:{number}", words[0] in PLANAR
         count = 3 if flat else 6 if words[0] == SPATIAL[1] else 7
         values = finite_numbers(words[1 : 2 + count], where, 1 + count, "of a vertex")
-        numbers.append(values[0])
+        numbers.append(float(int(words[1]) & GTSAM) if words[1].isdigit() else values[0])
         poses.append(se2(*values[1:]) if flat else _pose(values[1:], where))
     return _ascending(np.array(numbers), np.array(poses).reshape(-1, 4, 4))
 

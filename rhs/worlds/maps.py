@@ -241,6 +241,9 @@ def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:
     if header.mode == "raw":
         percent = np.round(shade * 255.0)
         return np.where(percent <= 100.0, percent / 100.0, np.nan)
+    if header.mode == "trinary" and _is_raw(image):
+        log.warning("%s: its greys are 0 to 100 and 255, as of a map that was saved in mode raw, in which 100 is a wall and "
+                    "0 is free: if it is one write mode: raw", header.image.name)
     occupancy = shade if header.negate else 1.0 - shade
     low, high = header.free_thresh, header.occupied_thresh
     out = np.full(shape=occupancy.shape, fill_value=np.nan)
@@ -255,6 +258,12 @@ def _occupancy(image: np.ndarray, header: MapHeader) -> np.ndarray:
     if header.mode == "scale" and has_alpha:
         out[image[:, :, -1] < 1.0] = np.nan
     return out
+
+
+def _is_raw(image: np.ndarray) -> bool:
+    """Whether grey brightness (H, W, C) is of percents, 100 among them, and 255 for unknown, as a map saved in mode raw."""
+    levels = set(np.unique(np.rint(255.0 * image)).astype(int).tolist())
+    return image.shape[2] == 1 and {0, 100, 255} <= levels <= {*range(101), 255}
 
 
 def _is_saved(image: np.ndarray) -> bool:

@@ -27,7 +27,8 @@ STEP_M = 0.04  # what is lower than this is driven over: carpets, thresholds
 PAD_M = 1.0  # free ground round a building that is open to the outside
 LEAST_M, MOST_M = 2.0, 300.0  # of a building's longer side in metres
 LOW_M, STOREY_M, TALL_STOREY_M = 1.8, (2.2, 4.5), 5.0  # walls too low for a building; as high as in a house; perhaps in feet
-LYING = 1.5  # so many times higher than deep: perhaps it lies on its side
+LYING, FLAT = 1.5, 0.75  # times the depth: higher perhaps lies on its side, lower does not
+FLOORS = 1.2  # times as much as is level as it stands would be level on its side: perhaps it lies there
 MOST_STEP_M = 0.02  # between two coordinates that a file can hold
 WIDEST_M = 1000.0  # with the ground it stands on
 LEVEL, UPRIGHT = 0.99, 0.3  # least |z| of a level face's normal, most of a wall's
@@ -115,15 +116,26 @@ def _up(mesh: MeshFile, size: np.ndarray, said: list[str]) -> str:
     if mesh.up is None and up == "y":
         said.append("taken with y up (for another write up: z in a world file)")
     height, other = (size[1], size[2]) if up == "y" else (size[2], size[1])
-    if mesh.up is None or height <= LYING * other:
+    if mesh.up is None:
         return up
     what = f"the format's {up} is up: {height:.4g} high, {size[0]:.4g} x {other:.4g} wide"
-    if mesh.unit_m is not None and STOREY_M[0] <= other * mesh.unit_m <= STOREY_M[1]:
+    level, across = _level(mesh.parts), "z" if up == "y" else "y"
+    if height > LYING * other and mesh.unit_m is not None and STOREY_M[0] <= other * mesh.unit_m <= STOREY_M[1]:
         said.append(f"{what}, as of a storey that lies on its side; taken with {thin} up (if it stood, write up: {up} in a "
                     "world file)")
         return thin
-    said.append(f"{what}; if it lies on its side write up: {thin} in a world file")
+    if height > LYING * other or height > FLAT * other and level[across] > FLOORS * level[up]:
+        said.append(f"{what}; if it lies on its side write up: {across} in a world file")
     return up
+
+
+def _level(parts: Iterable[Part]) -> dict[str, float]:
+    """Area of the triangles that lie level if y, or z, points up; floors and ceilings are larger than the walls that face
+    one way."""
+    across = np.concatenate([np.cross(one.corners_m[:, 1] - one.corners_m[:, 0], one.corners_m[:, 2] - one.corners_m[:, 0])
+                             for one in parts])
+    area = np.linalg.norm(across, axis=1)
+    return {axis: float(np.nansum(area[np.abs(across[:, k]) > LEVEL * area])) for k, axis in ((1, "y"), (2, "z"))}
 
 
 def _check_steps(parts: Iterable[Part], unit_m: float, path: Path) -> None:

@@ -15,6 +15,7 @@ from rhs.api.contracts import DEGRADE, KINDS, PLUGIN_KINDS
 from rhs.base.errors import ConfigError
 from rhs.cli.commands import COMMANDS, command
 from rhs.cli.help_text import help_text, settings_text
+from rhs.cli.main import main
 from rhs.config import registry
 from rhs.config.documented import field_docs
 
@@ -132,3 +133,10 @@ def test_every_command_explains_itself(name, capsys):
     said = capsys.readouterr()
     assert f"rhs {name}" in said.out or f"rhs.{name}" in said.out
     assert not said.err
+
+
+@pytest.mark.parametrize("before", [[], ["check"]])
+def test_a_file_that_stands_alone_says_what_to_write_before_it(tmp_path, capsys, before):
+    (tmp_path / "walk.bag").write_bytes(b"#ROSBAG V2.0\n")
+    assert main([*before, str(tmp_path / "walk.bag")]) == 2
+    assert "for a recording write source=replay source.path= before it" in capsys.readouterr().err

@@ -21,7 +21,8 @@ from rhs_sources.unread import FILES, of_file
     ("000000.npy", "astype('float32')"), ("scans.csv", "FLASER N ranges"), ("intel.gfs", "the CARMEN log"),
     ("aces.relations", "source.relations=aces.relations"), ("a.rawlog", "CARMEN log"),
     ("a.bag.active", "rosbag reindex a.bag.active"), ("IMG_1.HEIC", "mogrify"), ("SCAN1.mat", "of MATLAB"),
-    ("a.tfrecord", "of TensorFlow"), ("1.feather", "float32 x, y, z as .bin"),
+    ("a.tfrecord", "of TensorFlow"), ("1.feather", "float32 x, y, z as .bin"), ("map.ply", "a folder of them, numbered"),
+    ("a.lvx2", "lvx_to_rosbag.launch"), ("a.osf", "of Ouster"), ("a.rrd", "of Rerun"),
 ])
 def test_a_file_of_another_form_says_what_makes_it_one_that_is_read(tmp_path, name, said):
     (tmp_path / name).write_bytes(b"\0" * 100)

@@ -99,6 +99,16 @@ def test_raw_is_percent_up_to_100_and_unknown_above(tmp_path):
     assert np.allclose(grid.probability[0], [0, 0.37, 1.0, np.nan, np.nan], equal_nan=True)
 
 
+@pytest.mark.parametrize(("pixels", "said"), [([[0, 37, 100, 255]], True), ([[0, 100, 205, 255]], False),
+                                              ([[0, 255, 0, 255]], False)])
+def test_a_map_of_percents_that_does_not_say_raw_is_said(tmp_path, caplog, pixels, said):
+    load_map(write_map(tmp_path, pixels))
+    assert ("if it is one write mode: raw" in caplog.text) == said
+    caplog.clear()
+    load_map(write_map(tmp_path, pixels, mode="raw"))
+    assert "mode: raw" not in caplog.text
+
+
 def test_a_quarter_turn_moves_every_cell_where_geometry_says(tmp_path):
     # origin (10, 20) turned by 90 degrees: the image's x axis points along +y, its y axis along -x
     path = write_map(tmp_path, [[254, 254, 0]], origin=f"[10, 20, {np.pi / 2}]")

@@ -264,6 +264,21 @@ def test_a_mesh_that_may_lie_on_its_side_is_pointed_at(tmp_path, caplog):
     assert "write up: z in a world file" in caplog.text and "taken with" not in caplog.text
 
 
+@pytest.mark.parametrize("lying", [True, False])
+def test_a_house_of_two_storeys_on_its_side_is_pointed_at_by_its_floors(tmp_path, caplog, lying):
+    """Hardly higher than deep either way (Matterport's and Gibson's .glb have z up); most of it is level as it was built."""
+    trimesh = pytest.importorskip("trimesh")
+    boxes = [trimesh.creation.box(bounds=[(0, 0, 2.8 * k - 0.1), (9, 7, 2.8 * k)]) for k in range(3)]
+    boxes += [trimesh.creation.box(bounds=[(x0, y0, 2.8 * k), (x1, y1, 2.8 * k + 2.6)]) for k in range(2)
+              for x0, y0, x1, y1 in ((0, 0, 9, 0.1), (0, 6.9, 9, 7), (0, 0, 0.1, 7), (8.9, 0, 9, 7), (5, 0, 5.1, 3))]
+    house = trimesh.util.concatenate(boxes)
+    if not lying:
+        house.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
+    house.export(tmp_path / "house.glb")
+    load_world(tmp_path / "house.glb")
+    assert ("lies on its side write up: z" in caplog.text) == lying
+
+
 @pytest.mark.parametrize(("share", "says"), [(0.0, False), (0.004, False), (0.03, True), (-0.03, True)])
 def test_a_floor_that_leans_is_said_to(tmp_path, caplog, share, says):
     """3 in 100, as of a scan that was levelled by eye, are 25 cm over 8.2 m: no robot would get through the house."""

@@ -261,7 +261,7 @@ def _in_turn(reader, topics: Topics, settings, counts: Counter, lost: list[str])
                     lost[:1] = [f"{counts[SET_BACK]} views are of a clock that was set back and left out: cut the bag "
                                 "there, and give each part"]
                 continue
-            if topic in last and stamp - last[topic] > settings.max_jump_s:
+            if topic == topics.sees and stamp - last.get(topic, stamp) > settings.max_jump_s:
                 counts["jump"] += 1
             last[topic] = stamp
         yield topic, stamp, message

@@ -9,6 +9,9 @@ from rhs.api.errors import ConfigError
 from rhs.recording.mcap_scan import open_scan
 
 PART_S = 5.0  # between the end of a part and the beginning of the next; a recorder that splits loses less
+LIVOX = {"CustomPoint": "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line",
+         "CustomMsg": "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\n"
+                      "CustomPoint[] points"}  # which .db3 files do not say
 SPLIT, SPLIT_TIME = re.compile(r"(.*)_(\d+)\.\w+"), re.compile(r"_?\d{4}(-\d\d){5}$")
 
 
@@ -44,9 +47,13 @@ def opened(path: Path):
     try:
         for one in files if file.suffix == ".mcap" else ():
             open_scan(one)[0].close()  # refuses what would unpack without end
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-        reader = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        for driver in ("livox_ros_driver", "livox_ros_driver2"):
+            store.register({name: kind for word, text in LIVOX.items()
+                            for name, kind in get_types_from_msg(text, f"{driver}/msg/{word}").items()})
+        reader = AnyReader(files, default_typestore=store)
         reader.open()
     except Exception as error:  # the library raises many kinds for damaged files
         if other := _other_messages(file):

@@ -297,8 +297,12 @@ def cloud_depth(message, topic: str, camera: Camera, *, max_depth_m: float,
 
 
 def points_of(message, topic: str) -> tuple[np.ndarray, np.ndarray | None]:
-    """(N, 3) points of a PointCloud2 as it has them, in its own frame, unknown ones NaN; and the time of each as it stands
-    there (N,), or None where it has none."""
+    """(N, 3) points of a PointCloud2 or of Livox's CustomMsg as it has them, in its own frame, unknown ones NaN; and the
+    time of each as it stands there (N,), or None where it has none."""
+    if hasattr(message, "points"):  # nanoseconds after the header's stamp (livox_ros_driver2, CustomPoint.msg)
+        table = np.array([(p.x, p.y, p.z, p.offset_time) for p in message.points], float).reshape(-1, 4)
+        table[~table[:, :3].any(axis=1), :3] = np.nan
+        return table[:, :3], table[:, 3]
     fields = {f.name: f for f in message.fields}
     if not {"x", "y", "z"} <= set(fields) or any(fields[n].datatype not in FLOATS for n in "xyz"):
         raise ConfigError(f"{topic}: the cloud has fields {', '.join(fields)}; expected x, y, z as floats")

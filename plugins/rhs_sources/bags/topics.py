@@ -13,7 +13,8 @@ from ..unread import of_topics
 from .depth import SAID_REGISTERED
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-KINDS = {"color": ("Image", "CompressedImage"), "depth": ("Image", "CompressedImage", "PointCloud2"),
+CLOUDS = ("PointCloud2", "CustomMsg")  # the last is Livox's
+KINDS = {"color": ("Image", "CompressedImage"), "depth": ("Image", "CompressedImage", *CLOUDS),
          "info": ("CameraInfo",), "scan": ("LaserScan", "MultiEchoLaserScan"), "wheel": ("Odometry",)}  # of typed topics
 METRIC, PICTURES = ("16UC1", "32FC1"), ("rgb8", "bgr8", "8UC3", "rgba8", "bgra8")  # encodings of depth; of its pictures
 NOTHING: Mapping[str, str] = {}
@@ -73,16 +74,16 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     def of(*kinds: str) -> list[str]:
         return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
 
-    alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": ("PointCloud2",)}.get(settings.views, ())
+    alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": CLOUDS}.get(settings.views, ())
     if of(*alone):
         plain, deep = [], []
     color = pick("color", plain)
     depth, scan = pick("depth", deep, color), pick("scan", of(*KINDS["scan"]))
     scan = "" if settings.views == "clouds" and of(*alone) else scan
-    clouds = of("PointCloud2") if not depth and settings.depth_topic != "none" and (color or not scan) else []
+    clouds = of(*CLOUDS) if not depth and settings.depth_topic != "none" and (color or not scan) else []
     if not color and not scan and len(clouds) > 1:
         raise ConfigError(f"{where}: several clouds; type source.depth_topic=NAME of {', '.join(clouds)}")
-    cloud = depth if depth and found[depth].endswith("PointCloud2") else (clouds[0] if len(clouds) == 1 else "")
+    cloud = depth if depth and found[depth].endswith(CLOUDS) else (clouds[0] if len(clouds) == 1 else "")
     depth = "" if cloud == depth else depth
     if not color and not scan and not cloud:
         if seen := [t for t in images if t not in deep]:

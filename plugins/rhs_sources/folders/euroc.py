@@ -28,7 +28,7 @@ from ..replay_tum import Recording, inside
 from .intrinsics import camera_of_names, read_yaml
 from .views import Listed, led, moved
 
-TRUTHS = ("state_groundtruth_estimate0", "vicon0", "mocap0")  # the best first; the last is TUM VI's
+TRUTHS = ("state_groundtruth_estimate0", "vicon0", "gt", "mocap0")  # the best first; the last two: Monado's, TUM VI's
 log = logging.getLogger("rhs.replay")
 CAMERAS = ("cam0", "cam1")
 
@@ -48,6 +48,9 @@ def open_euroc(path: Path, settings) -> Recording:
     size = (width, height)
     recorded = _camera(sensor, folder / name, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(folder)), settings)
+    if (folder / "depth0").is_dir():
+        log.warning("%s: depth0 is not read; for colour with depth (z, 16 bits) put links to the images into one folder: "
+                    "ln -s %s/cam0/data rgb; ln -s %s/depth0/data depth", folder, folder, folder)
     imu = _imu(folder / "imu0" / "data.csv")
     truth = _truth(folder, name, sensor, settings)
     right = _right(folder, stamps, settings) if settings.stereo else {}

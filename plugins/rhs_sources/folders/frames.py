@@ -8,6 +8,7 @@ Images are taken in the order of the numbers in their names; numbers that are ti
 from __future__ import annotations
 
 import logging
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from ..replay_images import (
     check_pair,
     has_mosaic,
     hint_scale,
+    is_wide,
     read_color,
     read_depth,
     resized,
@@ -34,11 +36,16 @@ from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
 from . import povray
 from .intrinsics import depth_scale_beside, intrinsics_beside
+from .kitti_raw import STAMP, drive_stamps
 from .poses import poses_beside
 from .views import Listed, led, moved, numbered, one_series, stamps_by_name, truth_of
 
 COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_images", "left", "frames", "results",
-          "lowres_wide")
+          "lowres_wide", "photo", "data_rect")
+SCENENET = "photo"  # beside depth along the rays (McCormac et al., ICCV 2017)
+ASIDE = re.compile(r"conf(idence)?[_\d]", re.I)  # images of a phone that are neither colour nor depth
+DEEP_ELSE = (".pfm", ".exr")  # of AirSim, Record3D, Blender
+FEW_SHADES = 40  # in 8 bits, of an image of 16
 DEPTHS = ("depth", "depths", "depth_images", "lowres_depth")  # ARKitScenes' are the last
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm", ".webp", ".tif", ".tiff")
 DEEP_IMAGES = (".png", ".pgm", ".tif", ".tiff", ".npy", ".depth", ".jpg", ".jpeg")  # the last two are refused by name
@@ -65,7 +72,7 @@ def open_frames(path: Path, settings) -> Recording:
         return _paired(path, colors, depths, settings)
     if not colors:
         raise ConfigError(f"{path}: no numbered image; expected rgb/000001.png, rgb/000002.png, ...")
-    stamps, kept, rejected = _stamped([number for number, _ in colors], settings)
+    stamps, kept, rejected = _stamped(path, [number for number, _ in colors], settings)
     return _opened(path, colors, [(i, None) for i in kept], (stamps, rejected), settings)
 
 
@@ -73,13 +80,16 @@ def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]
     """(number, file) of the images of colour and of depth: in a folder each, or named depth000001.png in one for both."""
     colors, within = _folder(path, COLORS), _folder(path, DEPTHS, DEEP_IMAGES)
     if within is None and (strange := _folder(path, DEPTHS, ("",))) is not None:
-        log.warning("%s: no depth is read from %s; expected numbered %s", path.name, strange.name,
-                    ", ".join(DEEP_IMAGES[:5]))
+        log.warning("%s: no depth is read from %s; expected numbered %s; write others as .npy (metres)", path.name,
+                    strange.name, ", ".join(DEEP_IMAGES[:5]))
     together = _images(colors or path)
     if within is not None:
         return together, _images(within, DEEP_IMAGES)
     if along_rays := _images(path, (povray.DEPTH,)):
         return together, along_rays
+    if other := [file for file in (colors or path).iterdir() if file.suffix.lower() in DEEP_ELSE]:
+        log.warning("%s: no depth is read from its %d files such as %s; write them as .npy (metres) into a folder depth, "
+                    "numbered as the images", path.name, len(other), other[0].name)
     deep = ["depth" in file.stem.lower() for _, file in together]
     return ([one for one, is_deep in zip(together, deep, strict=True) if not is_deep],
             [one for one, is_deep in zip(together, deep, strict=True) if is_deep])
@@ -87,7 +97,7 @@ def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]
 
 def _paired(path: Path, colors, depths, settings) -> Recording:
     """Views of colour and depth, by equal numbers, or by near stamps where the numbers are times."""
-    stamps, kept, rejected = _stamped([number for number, _ in colors], settings)
+    stamps, kept, rejected = _stamped(path, [number for number, _ in colors], settings)
     times, timed = stamps_by_name([number for number, _ in depths], settings.rate_hz, RATE_HZ)
     if timed:
         pairs = [(i, depths[j][1]) for i, j in associate(stamps, times, settings.max_difference_s)]
@@ -106,11 +116,20 @@ def _paired(path: Path, colors, depths, settings) -> Recording:
     return _opened(path, colors, chosen, (stamps[[i for i, _ in pairs]], rejected), settings)
 
 
-def _stamped(numbers: list[str], settings) -> tuple[np.ndarray, list[int], Counter]:
+def _stamped(path: Path, numbers: list[str], settings) -> tuple[np.ndarray, list[int], Counter]:
     """Ascending stamps, the indices of the files they are of, and what was rejected."""
     stamps, timed = stamps_by_name(numbers, settings.rate_hz, RATE_HZ)
+    if not timed and (beside := _times_beside(path, settings)) is not None:
+        times, counts = drive_stamps(beside, [int(float(number)) for number in numbers], settings)
+        return times, list(range(len(numbers))), counts
     kept, rejected = in_order(stamps, settings.max_jump_s) if timed else (list(range(len(numbers))), Counter())
     return stamps[kept], kept, rejected
+
+
+def _times_beside(path: Path, settings) -> Path | None:
+    """KITTI-360's timestamps.txt, in the folder or one up."""
+    file = next((place / "timestamps.txt" for place in (path, path.parent) if (place / "timestamps.txt").is_file()), None)
+    return None if settings.rate_hz or file is None or not STAMP.match(file.read_text("utf-8", "replace")) else file
 
 
 def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
@@ -122,6 +141,9 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     said = settings.depth_scale or (1.0 if along_rays else depth_scale_beside(path))
     scale, typed = said or DEPTH_SCALE, bool(said)
     first = read_color(files[0][0])
+    if is_wide(files[0][0]) and (shades := len(np.unique(first))) < FEW_SHADES:
+        log.warning("%s: its images of 16 bits use a small part of them (a thermal camera's?), %d shades of 256: stretch "
+                    "all alike: mogrify -level LOW%%,HIGH%% -depth 8 *.png", path.name, shades)
     mosaic = has_mosaic(first)
     if mosaic:
         log.warning("%s: its images are the raw mosaic of a Bayer filter; they are smoothed into grey ones", path.name)
@@ -132,6 +154,8 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     def depth_in(file: Path, max_depth_m: float = settings.max_depth_m) -> np.ndarray:
         if along_rays:
             return povray.read_ray_depth(file, camera, scale=scale, max_depth_m=max_depth_m)
+        if colors[0][1].parent.name == SCENENET:
+            return povray.ahead(read_depth(file, scale=scale, max_depth_m=max_depth_m, typed=typed), camera)
         return read_depth(file, scale=scale, max_depth_m=max_depth_m, typed=typed)
 
     smaller = _first_depth(first, depth_in(files[0][1], np.inf), files[0][1].name, scale) if deep else None
@@ -154,7 +178,7 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
         return {"image": image, "depth": depth}
 
     numbers = [number for number, _ in colors]
-    timed = bool(settings.rate_hz) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
+    timed = bool(settings.rate_hz or _times_beside(path, settings)) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
     beside = poses_beside(path)
     if along_rays and beside is None and not settings.truth:
         true, counts = povray.truth_of([color for _, color in colors], scale), Counter[str]()
@@ -190,4 +214,4 @@ def _folder(path: Path, names: tuple[str, ...], kinds: tuple[str, ...] = IMAGES)
 
 def _images(folder: Path, kinds: tuple[str, ...] = IMAGES) -> list[tuple[str, Path]]:
     """Numbered files of these kinds; of any kind where one of them is empty."""
-    return numbered(p for p in folder.iterdir() if p.suffix.lower() in kinds or "" in kinds)
+    return numbered(p for p in folder.iterdir() if (p.suffix.lower() in kinds or "" in kinds) and not ASIDE.match(p.name))

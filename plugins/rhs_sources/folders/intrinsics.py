@@ -1,6 +1,7 @@
 """Intrinsics in files beside the frames, as cameras, calibration programs and data sets write them.
 
-JSON: Open3D's (`intrinsic_matrix`, nine numbers column by column), or fx, fy, cx, cy by name. YAML: what ROS's
+JSON: nine numbers of a matrix, row by row (3D Scanner App) or column by column (Open3D, Record3D's metadata.json), or fx,
+fy, cx, cy by name; ScanNet++'s pose_intrinsic_imu.json. YAML: what ROS's
 camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx fy cx cy and the lens in one line;
 BundleFusion's info.txt; DSO's camera.txt. YAML too of Kalibr (camchain.yaml: its first camera), EuRoC, OpenCV's
 calibration, ORB-SLAM (Camera.fx) and VINS (projection_parameters). Replica's cam_params.json, one folder up, also says the
@@ -24,10 +25,11 @@ from ..lens_models import MODELS, with_lens
 
 NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
          "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "_info.txt", "cam_params.json",
-         "camera_matrix.csv", "transforms.json", "*camchain*.yaml")
-ELSE = ("cameras/*.json", "lowres_wide_intrinsics/*.pincam", "cameras.txt", "sparse/cameras.txt", "sparse/0/cameras.txt")
+         "camera_matrix.csv", "transforms.json", "*camchain*.yaml", "metadata.json")
+ELSE = ("cameras/*.json", "frame_*.json", "lowres_wide_intrinsics/*.pincam", "cameras.txt", "sparse/cameras.txt",
+        "sparse/0/cameras.txt")
 ABOVE = ("cam_params.json",)  # and one folder up
-MOST_BYTES = 20_000_000  # transforms.json holds a pose of each view
+MOST_BYTES = 60_000_000  # transforms.json and ScanNet++'s hold a pose of each view
 MOST_SCALE = 1e6
 PINHOLES = ("pinhole", "simple_pinhole")  # models of cameras that say nothing of a lens
 COLMAP = {"SIMPLE_PINHOLE": "f cx cy", "PINHOLE": "fx fy cx cy", "SIMPLE_RADIAL": "f cx cy k1", "RADIAL": "f cx cy k1 k2",
@@ -40,6 +42,7 @@ def intrinsics_beside(folder: Path, size: tuple[int, int]) -> Camera | None:
     """The camera of the only intrinsics file in a folder; None where there is none. Raises ConfigError."""
     found = sorted({path for pattern in NAMES for path in folder.glob(pattern) if path.is_file()})
     found = [path for path in found if "depth" not in path.name.lower()] or found  # ScanNet's intrinsics_color.txt beside
+    found = [path for path in found if path.name != "metadata.json" or '"K"' in path.read_text("utf-8", "replace")]
     found = found or [folder.parent / name for name in ABOVE if (folder.parent / name).is_file()]
     found = found or [path for pattern in ELSE for path in sorted(folder.glob(pattern))[:1]][:1]
     if len(found) > 1:
@@ -98,6 +101,8 @@ def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
         plain = json.loads(text) if path.suffix == ".json" else read_yaml(text)
         if not isinstance(plain, dict):
             raise ValueError(f"found a {type(plain).__name__}, expected names and values")
+        if isinstance(view := next(iter(plain.values()), None), dict) and "intrinsic" in view:  # ScanNet++
+            plain = {"intrinsic_matrix": np.ravel(view["intrinsic"])}
         return camera_of_names(plain.get("camera") or plain.get("cam0") or plain, size)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # json's, yaml's, of no text, too
         short = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
@@ -193,9 +198,10 @@ def camera_of_names(given: dict[str, Any], size: tuple[int, int]) -> Camera:
     width, height = (plain.get(f"image_{key}") or plain.get(key) or plain.get(key[0]) for key in ("width", "height"))
     width, height = plain.get("resolution", (width or size[0], height or size[1]))
     said = (int(width), int(height))
-    if "intrinsic_matrix" in plain:
-        flat = np.array(plain["intrinsic_matrix"], float)
-        matrix = flat.reshape(3, 3).T if flat.ndim == 1 else flat  # nine numbers: column by column
+    nine = next((plain[key] for key in ("intrinsic_matrix", "intrinsics", "k") if np.size(plain.get(key, ())) == 9), None)
+    if nine is not None:
+        matrix = np.array(nine, float).reshape(3, 3)
+        matrix = matrix if (matrix[2, :2] == 0.0).all() else matrix.T  # column by column
     elif "camera_matrix" in plain:
         matrix = np.array(_data(plain["camera_matrix"]), float).reshape(3, 3)
     else:

@@ -29,7 +29,7 @@ from .views import At, numbered, truth_of
 EARTH_M = 6378137.0  # radius, as the development kit has it
 OXTS = 30  # numbers a packet; the first six are latitude and longitude (degrees), height, roll, pitch and yaw
 CLOUDS = "velodyne_points"
-_STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d+)?")
+STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d+)?")
 
 
 def is_kitti_raw(path: Path) -> bool:
@@ -61,7 +61,7 @@ def open_kitti_raw(path: Path, settings) -> Recording:
         return (lambda number, stamp_s: poses.get(number)), Counter()
 
     def stamps(name: str, numbers: list[int]) -> tuple[np.ndarray, Counter]:
-        return _stamps((cameras[name].parent if name else path / CLOUDS) / "timestamps.txt", numbers, settings)
+        return drive_stamps((cameras[name].parent if name else path / CLOUDS) / "timestamps.txt", numbers, settings)
 
     return drive(Drive(path, cameras, path / CLOUDS / "data", calib, "calib_cam_to_cam.txt", stamps, truth), settings)
 
@@ -128,14 +128,14 @@ def _true(folder: Path, camera_from_imu: np.ndarray) -> Poses:
     return out
 
 
-def _stamps(file: Path, numbers: list[int], settings) -> tuple[np.ndarray, Counter]:
+def drive_stamps(file: Path, numbers: list[int], settings) -> tuple[np.ndarray, Counter]:
     """Seconds of the views by their numbers, lines of timestamps.txt from 0; 10 a second, or source.rate_hz, without it."""
     if settings.rate_hz or not file.is_file():
         return np.array(numbers) / (settings.rate_hz or 10.0), Counter()
     times = []
     for line, words in rows(file):
         text = " ".join(words)
-        if not _STAMP.fullmatch(text):
+        if not STAMP.fullmatch(text):
             raise ConfigError(f"{file.parent.name}/{file.name}:{line}: found {text[:40]!r}; expected 2011-09-26 13:02:25.9")
         times.append(1e-9 * float(np.datetime64(text, "ns").astype(np.int64)))
     if len(times) <= max(numbers):

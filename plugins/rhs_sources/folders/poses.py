@@ -1,23 +1,28 @@
 """True poses as data sets write them: 12 or 16 numbers a line (KITTI, Replica), or behind a number (KITTI-360) or
-a stamp (MulRan), Open3D's trajectory.log, a folder of one 4x4 matrix a view (ScanNet). Poses as the file has them; None of
+a stamp (MulRan), Open3D's trajectory.log, a folder of one 4x4 matrix a view (ScanNet), or of one .json (3D Scanner App,
+Polycam), whose camera looks along -z with y up and is turned. Poses as the file has them; None of
 one that holds NaN or infinity: it was not found.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 
 from rhs.api.errors import ConfigError
+from rhs.api.pose_exports import FLIPPED
 from rhs.api.trajectory import seconds_in
 
 from ..replay_cameras import check_pose
 from ..replay_stamps import number_of, rows
 
-FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log", "traj_w_c.txt")
+FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log", "traj_w_c.txt", "lowres_wide.traj",
+         "pose_intrinsic_imu.json")
 FOLDERS = ("pose", "poses")
+PHONES = ("frame_*.json", "cameras/*.json")  # 3D Scanner App, Polycam
 _NUMBER = re.compile(r"(\d+)(?:\.pose)?$")  # 12, frame_0012, frame-000012.pose
 Poses = dict[int, np.ndarray | None]  # by line from 0, or by the number in the name
 
@@ -27,7 +32,8 @@ def poses_beside(folder: Path) -> Path | None:
     files = (folder / name for name in FILES)
     inner = (folder / name for name in FOLDERS)
     return next((path for path in files if path.is_file()), None) or next(
-        (path for path in inner if path.is_dir() and any(path.glob("*.txt"))), None)
+        (path for path in inner if path.is_dir() and any(path.glob("*.txt"))), None) or next(
+        (path.parent for pattern in PHONES for path in folder.glob(pattern)), None)
 
 
 def poses_by_line(path: Path) -> Poses | None:
@@ -65,10 +71,23 @@ def poses_by_first(path: Path) -> dict[float, np.ndarray | None] | None:
 
 
 def poses_by_number(folder: Path) -> Poses:
-    """Of a folder of 4x4 matrices, by the number in their names."""
-    named = ((_NUMBER.search(path.stem), path) for path in sorted(folder.glob("*.txt")))
-    return {int(found[1]): _pose([number_of(word, f"{path.name}:{line}") for line, words in rows(path) for word in words],
-                                 path.name) for found, path in named if found}
+    """Of a folder of 4x4 matrices, or of a phone's .json, by the number in their names."""
+    files = next((found for pattern in (PHONES[0], "*.txt", "*.json") if (found := sorted(folder.glob(pattern)))), [])
+    named = ((_NUMBER.search(path.stem), path) for path in files)
+    return {int(found[1]): _of_phone(path) if path.suffix == ".json" else _pose(
+        [number_of(word, f"{path.name}:{line}") for line, words in rows(path) for word in words], path.name)
+        for found, path in named if found}
+
+
+def _of_phone(path: Path) -> np.ndarray | None:
+    """None of a file that holds no pose."""
+    try:
+        plain = json.loads(path.read_text("utf-8-sig"))
+        numbers = plain.get("cameraPoseARFrame") or [plain[f"t_{row}{column}"] for row in range(3) for column in range(4)]
+        pose = _pose([float(number) for number in numbers], path.name)
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return None
+    return None if pose is None else pose @ FLIPPED
 
 
 def _logged(table: list[tuple[int, list[str]]], path: Path) -> Poses:

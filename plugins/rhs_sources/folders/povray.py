@@ -31,10 +31,15 @@ def read_ray_depth(path: Path, camera: Camera, *, scale: float, max_depth_m: flo
     if away.size != camera.width * camera.height:
         raise UnreadableImage(f"{path}: found {away.size} numbers; expected {camera.width}x{camera.height}, a distance for "
                               "each pixel")
+    depth = ahead(away.reshape(camera.height, camera.width) / scale, camera)
+    return np.where((depth > 0.0) & (depth <= max_depth_m), depth, np.nan).astype(np.float32)
+
+
+def ahead(away: np.ndarray, camera: Camera) -> np.ndarray:
+    """Depth (H, W), of distances along the rays of the camera's pixels."""
     across, down = np.meshgrid((np.arange(camera.width) - camera.cx) / camera.fx,
                                (np.arange(camera.height) - camera.cy) / camera.fy)
-    depth = away.reshape(camera.height, camera.width) / scale / np.sqrt(across**2 + down**2 + 1.0)
-    return np.where((depth > 0.0) & (depth <= max_depth_m), depth, np.nan).astype(np.float32)
+    return np.asarray(away / np.sqrt(across**2 + down**2 + 1.0), away.dtype)
 
 
 def ray_pose(path: Path, scale: float) -> np.ndarray | None:

@@ -147,6 +147,9 @@ def truth_of(file: Path | None, settings, numbers: Sequence[str] = (), *, untime
         stamped = Truth(np.array(known), np.array([first[stamp] for stamp in known]), settings.max_truth_gap_s)
         return (lambda line, stamp_s: stamped.at(stamp_s)), Counter(truth_unknown=len(first) - len(known))
     truth = read_tum_truth(file, settings)
+    if untimed and file.suffix == ".json":  # of each image by the number in its name
+        of = dict(zip(truth.stamps_s.tolist(), truth.poses, strict=True))
+        return (lambda line, stamp_s: of.get(float(numbers[line]))), Counter()
     if untimed and len(truth.stamps_s) == len(numbers):
         return (lambda line, stamp_s: truth.poses[line]), Counter()
     return (lambda line, stamp_s: truth.at(stamp_s)), Counter({f"truth_{k}": v for k, v in truth.rejected.items()})

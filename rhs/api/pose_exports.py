@@ -1,0 +1,156 @@
+"""Poses as other programs export them, turned into lines of a TUM file: OptiTrack's Motive (.csv), kapture's
+trajectories.txt, ARKitScenes' .traj, and the JSON of Nerfstudio, ScanNet++, Record3D, Open3D and nuScenes.
+
+What each means by a pose: Motive (docs.optitrack.com, Data Export: CSV) has y up, here turned to z, for the body too, as its
+ROS drivers do; kapture (kapture_format.adoc) and ARKitScenes (TrajStringToMatrix) write the world in the camera; Nerfstudio
+and Record3D cameras that look along -z with y up, here turned. Where a file has no stamps, the numbers of its images stand
+in their place.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rhs.base.errors import RecordingError
+
+from .geometry import inverse, quaternion_xyzw, rotation_of_quaternion, se3
+
+UNITS_M = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
+NO_UNIT = 0.01  # by which four numbers that are no quaternion are longer or shorter than one
+FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])  # optical axes seen from a camera of OpenGL
+_TABLE = "write it as lines of `stamp x y z qx qy qz qw` (seconds, metres)"
+_ARRAY = "python -c \"import numpy as n; a=n.load('{file}'); n.savetxt('way.txt', a.reshape(len(a), -1))\""
+_BAG = "a bag: evo_traj bag2 {file} /TOPIC --save_as_tum (ROS 1: bag; pip install evo)"
+OTHERS = {  # by the ending, or the first word
+    ".bag": _BAG, ".mcap": _BAG, ".db3": _BAG, ".npy": f"arrays: {_ARRAY} (x y z qx qy qz qw, or 12 or 16 numbers, a line)",
+    ".npz": f"arrays: {_TABLE}", ".c3d": f"markers: export the rigid body from the capture's program and {_TABLE}",
+    ".bin": "numbers, not text; of COLMAP: colmap model_converter --input_path . --output_path . --output_type TXT",
+    ".gpx": f"positions of GPS: {_TABLE}, east, north and up in metres, and 0 0 0 1",
+    "Objects": f"a table of Vicon, whose RX RY RZ are a rotation vector or angles as it was set: {_TABLE}",
+    "NO_OF_FRAMES": f"a table of Qualisys, in millimetres: {_TABLE}",
+    "FLASER": "a laser log: python -m rhs source=replay source.path={file} leaves corrected.tum and truth_survey.tum",
+}
+OTHERS |= {"Segments": OTHERS["Objects"], **dict.fromkeys((".kml", ".nmea", "$GPGGA", "$GNGGA", "$GPRMC"), OTHERS[".gpx"])}
+OTHERS |= dict.fromkeys(("ODOM", "ROBOTLASER1", "RAWLASER1", "PARAM", "TRUEPOS"), OTHERS["FLASER"])
+_ADJUSTED = re.compile(r"\d+ \d+ \d+\n\d+ \d+ +-?\d+\.")  # the head and the first observation of a BAL problem
+
+
+def advice_for(where: str, first: str = "") -> str:
+    """What makes a trajectory of a file by its name, or the first word in it; empty where nobody knows."""
+    path = Path(where)
+    return OTHERS.get(first, OTHERS.get(path.suffix.lower(), "")).format(file=path.name)
+
+
+def exported(text: str, where: str) -> str | None:
+    """The lines of a TUM file of such an export; None of another text. where: its file. Raises RecordingError."""
+    first = re.split(r"[\s,]", text[:40].lstrip(), maxsplit=1)[0]
+    advice = advice_for(where, first)
+    if not advice and _ADJUSTED.match(text):
+        advice = f"a problem of bundle adjustment (BAL), whose cameras have no times: {_TABLE}"
+    if advice:
+        raise RecordingError(f"{where}: found {advice}")
+    try:
+        if text.startswith("Format Version"):
+            return "\n".join(_of_motive([*csv.reader(text.splitlines())]))
+        if first.startswith(("{", "[")):
+            known = sorted(_of_json(json.loads(text)), key=lambda one: float(one[0]))
+            return "\n".join(_line(stamp, pose) for stamp, pose in known)
+        if text.startswith("# kapture format"):
+            return "\n".join(_of_kapture(text))
+        if where.endswith(".traj") and _is_arkit(text):
+            return "\n".join(map(_of_rotation_vector, text.splitlines()))
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError, StopIteration, RecursionError) as error:
+        said = " ".join(str(error).split())[:160]
+        raise RecordingError(f"{where}: poses that cannot be read: {said or type(error).__name__}") from None
+    return None
+
+
+def _line(stamp: str, pose: np.ndarray) -> str:
+    return f"{stamp} " + " ".join(f"{v:.9f}" for v in (*pose[:3, 3], *quaternion_xyzw(pose[:3, :3])))
+
+
+def _posed(quaternion_xyzw: Any, place: Any) -> np.ndarray:
+    return se3(rotation_of_quaternion(np.array(quaternion_xyzw, float)), np.array(place, float))
+
+
+def _of_motive(table: list[list[str]]) -> Iterator[str]:
+    """Of the one rigid body in a table of Motive; an empty cell means that it was not seen."""
+    said = dict(zip(table[0][::2], table[0][1::2], strict=False))
+    begin = next(k for k, row in enumerate(table) if row[:1] == ["Frame"])
+    kinds, names, *_, what = [row for row in table[1:begin] if any(row)]
+    of = {(names[k], what[k], axis): k for k, axis in enumerate(table[begin]) if k < len(kinds) and kinds[k] == "Rigid Body"}
+    bodies = sorted({name for name, *_ in of})
+    if len(bodies) != 1 or said["Rotation Type"] != "Quaternion":
+        raise ValueError(f"{len(bodies)} rigid bodies of Motive ({', '.join(bodies[:4])}), rotations as "
+                         f"{said['Rotation Type']}; expected one, as Quaternion: export that alone")
+    columns = [of[bodies[0], "Position", axis] for axis in "XYZ"] + [of[bodies[0], "Rotation", axis] for axis in "XYZW"]
+    unit_m = UNITS_M[said["Length Units"].lower()]
+    for row in table[begin + 1 :]:
+        cells = [row[k] for k in columns] if len(row) > max(columns) else [""]
+        if not all(cells):
+            yield f"{row[1]}{' nan' * 7}" if len(row) > 1 else ""
+            continue
+        x, y, z, qx, qy, qz, qw = map(float, cells)
+        yield f"{row[1]} " + " ".join(f"{v:.9f}" for v in (x * unit_m, -z * unit_m, y * unit_m, qx, -qz, qy, qw))
+
+
+def _of_kapture(text: str) -> Iterator[str]:
+    rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    rows = [row for row in rows if len(row) == 9]  # a part of a pose is none
+    if len(devices := sorted({row[1] for row in rows})) > 1:
+        raise ValueError(f"of {len(devices)} devices of kapture ({', '.join(devices[:4])}); expected the lines of one")
+    for stamp, _, w, x, y, z, *place in rows:
+        yield _line(stamp, inverse(_posed([x, y, z, w], place)))
+
+
+def _is_arkit(text: str) -> bool:
+    """Whether the lines have seven numbers, and the last four are no quaternions."""
+    rows = [line.split() for line in text.splitlines() if line.strip()]
+    if {len(row) for row in rows} != {7}:
+        return False
+    return bool((np.abs(np.linalg.norm(np.array(rows, float)[:, 3:], axis=1) - 1.0) > NO_UNIT).any())
+
+
+def _of_rotation_vector(line: str) -> str:
+    from scipy.spatial.transform import Rotation
+
+    stamp, *numbers = line.split() or [""]
+    if not numbers:
+        return ""
+    turn, place = np.array(numbers, float).reshape(2, 3)
+    return _line(stamp, inverse(se3(Rotation.from_rotvec(turn).as_matrix(), place)))
+
+
+def _of_json(plain: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """(stamp, pose) of each entry."""
+    kind = plain.get("class_name", "") if isinstance(plain, dict) else ""
+    if isinstance(plain, list):  # nuScenes' ego_pose.json
+        for one in plain:
+            w, *xyz = one["rotation"]
+            yield str(one["timestamp"]), _posed([*xyz, w], one["translation"])
+    elif kind == "PinholeCameraTrajectory":
+        for k, one in enumerate(plain["parameters"]):
+            yield str(k), inverse(np.array(one["extrinsic"], float).reshape(4, 4).T)
+    elif kind == "PoseGraph":
+        for k, one in enumerate(plain["nodes"]):
+            yield str(k), np.array(one["pose"], float).reshape(4, 4).T
+    elif "frames" in plain:
+        for one in plain["frames"]:
+            yield _number(one["file_path"]), np.array(one["transform_matrix"], float).reshape(4, 4) @ FLIPPED
+    elif "poses" in plain:  # Record3D's metadata
+        for k, (*turn, x, y, z) in enumerate(plain["poses"]):
+            yield str(k), _posed(turn, [x, y, z]) @ FLIPPED
+    else:  # ScanNet++
+        for name, one in plain.items():
+            yield _number(name), np.array(one.get("aligned_pose", one["pose"]), float).reshape(4, 4)
+
+
+def _number(name: str) -> str:
+    return str(re.findall(r"\d+", Path(name).stem)[-1])
