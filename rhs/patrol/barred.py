@@ -110,7 +110,7 @@ class Barred:
             return turn(-self.pace.turn_step_rad, self.pace)
         if self._ventures(pose, events):
             return None  # there is a path now
-        what = self._what_bars(at) if len(seen) else ""
+        what = self._what_bars(first_on_way(way, seen, pose[:2], self.grid.resolution_m, else_m=at)) if len(seen) else ""
         touched = f" (touches: {self.contacts})" if self.contacts else ""
         self._leave(f"no path: {self.last_reason}{what}{touched}", pose, events, later=len(seen) > 0)
         return None

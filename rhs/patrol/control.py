@@ -71,15 +71,18 @@ def closest_gap(path: Path, pose: np.ndarray) -> float:
     return float(np.linalg.norm(near - pose[:2]))
 
 
-def first_on_way(way: Path, things_m: np.ndarray, at_m: np.ndarray, near_m: float) -> np.ndarray:
+def first_on_way(way: Path, things_m: np.ndarray, at_m: np.ndarray, near_m: float, *,
+                 else_m: np.ndarray | None = None) -> np.ndarray:
     """(2,) of the things (K, 2) the first that lies within near_m of the way ahead of `at_m`; where there is no way, or none
-    lies on it, the one nearest to `at_m`."""
+    lies on it, else_m (2,), or without that the one nearest to `at_m`."""
     if way.found and len(way.points_m) >= 2:
         gaps = np.linalg.norm(things_m[:, None] - ahead_on_path(way.points_m, at_m, np.inf)[None], axis=2)
         barred = gaps.min(axis=0) < near_m
         if barred.any():
             first: np.ndarray = things_m[gaps[:, np.argmax(barred)].argmin()]
             return first
+    if else_m is not None:
+        return else_m
     nearest: np.ndarray = things_m[np.argmin(np.linalg.norm(things_m - at_m, axis=1))]
     return nearest
 

@@ -67,6 +67,7 @@ def test_the_first_thing_on_the_way_is_not_the_nearest_one():
     things = np.array([[0.5, 1.0], [3.1, 2.5], [2.9, 1.0]])
     assert np.array_equal(first_on_way(way, things, here, 0.3), things[2])
     assert np.array_equal(first_on_way(way, things[:1], here, 0.3), things[0]), "none is on it: the nearest"
+    assert np.array_equal(first_on_way(way, things[:1], here, 0.3, else_m=here), here)
 
 
 def test_a_way_is_driven_up_to_so_far_before_what_stands_on_it():
