@@ -55,7 +55,7 @@ class Barred:
         self.path: Path | None = None
         self.seen_obstacles: list[np.ndarray] = []
         self.queued: list[Twist] = []  # commands before anything else is planned
-        self.looked_again, self.ventured, self.last_reason = False, False, ""
+        self.looked_again, self.ventured, self.last_reason, self.bars = False, False, "", ""
         self.progress, self.aside, self.guard.refused_for_hidden = Progress(), Aside(), 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
 
@@ -108,11 +108,12 @@ class Barred:
             self.guard.around.forget_specks()
             self.queued = turns(LOOK_AGAIN_TURNS, self.pace)
             return turn(-self.pace.turn_step_rad, self.pace)
+        if not self.ventured and len(seen):  # what is met on ground that nobody has looked at is not what closed the way
+            self.bars = self._what_bars(first_on_way(way, seen, pose[:2], self.grid.resolution_m, else_m=at))
         if self._ventures(pose, events):
             return None  # there is a path now
-        what = self._what_bars(first_on_way(way, seen, pose[:2], self.grid.resolution_m, else_m=at)) if len(seen) else ""
         touched = f" (touches: {self.contacts})" if self.contacts else ""
-        self._leave(f"no path: {self.last_reason}{what}{touched}", pose, events, later=len(seen) > 0)
+        self._leave(f"no path: {self.last_reason}{self.bars}{touched}", pose, events, later=len(seen) > 0)
         return None
 
     def _what_bars(self, at_m: np.ndarray) -> str:
