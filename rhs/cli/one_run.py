@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import traceback
-from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from rhs.base.commands import INTERRUPTED, LONGEST, plain, shortened
 from rhs.base.errors import RhsError
 
 from . import first_run
+from .streams import streams_kept
 
 if TYPE_CHECKING:
     from rhs.config.compose import RunConfig
@@ -39,7 +39,7 @@ def one_run(config: RunConfig, debug: bool) -> int:
 
     on_compile(partial(_compiling, beside=config.ahead != "off" and processors() > 1))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
-        with redirect_stdout(sys.stdout), redirect_stderr(sys.stderr):  # whatever a part makes of them
+        with streams_kept():
             row = run_config(config, claim.folder, bar)
         claim.publish()
         cause = row.pop("_cause", None)

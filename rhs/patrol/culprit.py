@@ -26,7 +26,8 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
     said = _said(error)
     text = plain(f"{type(error).__name__}{at}: {said}")
     who, line = raised_in(error, config, parts)
-    return text if not who or (isinstance(error, RhsError) and said) else f"{who} failed in {line}: {text}"
+    whole = isinstance(error, RhsError) and said and _by_rhs(error)
+    return text if not who or whole else f"{who} failed in {line}: {text}"
 
 
 def raised_in(error: BaseException, config: RunConfig, parts: Mapping[str, object]) -> tuple[str, str]:
@@ -50,6 +51,12 @@ def raised_in(error: BaseException, config: RunConfig, parts: Mapping[str, objec
             where = (frame.f_code.co_filename, line)
     path = Path(where[0])
     return (called(kind, chosen[kind]), f"{path.parent.name}/{path.name}:{where[1]}") if kind else ("", "")
+
+
+def _by_rhs(error: BaseException) -> bool:
+    """Whether rhs itself raised it, which then says whose it is."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return bool(frames) and _package(str(frames[-1].f_globals.get("__name__", ""))) == "rhs"
 
 
 def _package(module: str) -> str:
