@@ -10,9 +10,9 @@ is not finite is refused), keeps their ranges (`Bounded` and `within` of rhs.api
 and has `build(context) -> part`, where heavy libraries are imported. Words used by needs/provides:
 `image`, `depth`, `scan`, `wheel`, `command`, `driving` (the source can be driven), `teleport`, `walls`, `gray`, `texture`
 (the source has `texture(along_m, around_m)`, the true grey of its wall, for the judge of task=unroll). Any other word names
-an extra modality: an array of numbers that travels by that name in `Capture.extras` and `Observation.extras` (`imu`, `right_image`,
-...), past every sensor; it is recorded and replayed (of two cameras: rhs.api.stereo). `extras` in a source's provides:
-which ones is known when it is open.
+an extra modality: an array of numbers that travels by that name in `Capture.extras` and `Observation.extras` (`imu`,
+`right_image`, ...), past every sensor; it is recorded and replayed (of two cameras: rhs.api.stereo). `extras` in a source's
+provides: which ones is known when it is open.
 
 Parts get randomness only from `context.rng`, and never see a true pose. Arrays they receive are read-only.
 """

@@ -54,7 +54,8 @@ def one_run(config: RunConfig, debug: bool) -> int:
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
         return 3
     if status == "ok" and row.get("success") == 0:
-        print(f"rhs: not achieved: {row.get('plan_failure') or row.get('failure', '')}{_check_hint(row)}", file=sys.stderr)
+        why = plain(str(row.get("plan_failure") or row.get("failure", "")))
+        print(f"rhs: not achieved: {why}{_check_hint(row)}", file=sys.stderr)
         return 3
     failures = [str(row[name]) for name in ("row_failures", "metric_failures", "picture_failures") if row.get(name)]
     if status == "ok" and (failed := "; ".join(failures)):

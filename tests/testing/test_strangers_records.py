@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
 from typing import ClassVar
 
 import numpy as np
@@ -13,7 +14,20 @@ from rhs.api.contracts import Blockage, Blocked
 from rhs.api.errors import ContractError
 from rhs.api.geometry import camera_from_fov
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Capture, Closure, LoopEdge, Motion, Observation, Revision, Scan, Tracking, View, Wall
+from rhs.api.records import (
+    Capture,
+    Closure,
+    LoopEdge,
+    Motion,
+    Observation,
+    Path,
+    PlanReason,
+    Revision,
+    Scan,
+    Tracking,
+    View,
+    Wall,
+)
 from rhs.api.validate import (
     check_capture,
     check_closure,
@@ -116,8 +130,10 @@ def test_a_capture_counts_in_whole_numbers_and_a_wheel_goes_no_endless_way():
 
 @dataclass
 class Complains:
-    """Raises what rhs raises, in words of its own."""
+    """Raises what rhs raises, in words of its own; or draws what cannot be drawn, or answers in numbers that are none."""
 
+    how: str = "raises"
+    """what goes wrong"""
     needs: ClassVar[frozenset[str]] = NOTHING
     provides: ClassVar[frozenset[str]] = NOTHING
 
@@ -125,14 +141,25 @@ class Complains:
         return self
 
     def plan(self, problem):
-        raise ContractError("no way here")
+        if self.how == "raises":
+            raise ContractError("no way here")
+        points = np.array([problem.start_m, problem.goal_m])
+        return Path(PlanReason.OK, 1j * points if self.how == "turns" else points, sketch=lambda: 1 / 0)
 
 
-def test_an_error_of_rhs_that_a_part_raises_is_told_with_its_line(tmp_path):
-    """`ContractError: no way here` named nobody."""
-    row = rhs.run({"task": "planning", "world": "map1", "planner": Complains(), "output": str(tmp_path / "run")}, quiet=True)
-    assert row["reason"].startswith("planner=complains (test_strangers_records.py")
-    assert row["reason"].endswith("ContractError: no way here")
+@pytest.mark.parametrize(("how", "says"), [
+    ("raises", "failed in {here}:{raises}: ContractError: no way here"),  # named nobody
+    ("draws", "failed in {here}:{draws}: ZeroDivisionError: division by zero"),  # was told with a line of rhs_tasks
+    ("turns", "points_m has shape (2, 2) and type complex128; expected (N, 2) numbers"),  # was taken by half
+])
+def test_whatever_a_part_raises_is_told_with_its_own_line(how, says, tmp_path):
+    words = {"task": "planning", "world": "map1", "planner": Complains(how), "output": str(tmp_path / "run")}
+    reason = rhs.run(words, quiet=True)["reason"]
+    lines = FilePath(__file__).read_text(encoding="utf-8").splitlines()
+    at = {name: 1 + next(k for k, line in enumerate(lines) if code in line)
+          for name, code in (("raises", 'raise ContractError("no way'), ("draws", "sketch=lambda"))}
+    assert "planner=complains (test_strangers_records.py" in reason
+    assert says.format(here="testing/test_strangers_records.py", **at) in reason
 
 
 @dataclass
