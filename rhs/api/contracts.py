@@ -194,7 +194,7 @@ class Odometry(Protocol):
     that drove 0.1 m ahead and turned left has x = +0.1 and a positive yaw. Metres and radians; never summed up since the
     start. The covariance is of the right perturbation `previous_from_body @ exp(delta)`, order (x, y, z, rx, ry, rz), so
     it is in the body frame of *this* observation; it is symmetric and positive definite, and as wide as the errors are:
-    motions with status ok are held against the truth by rhs.testing and by the tables.
+    motions with status ok are held against the truth by rhs.testing and by `python -m rhs card`.
 
     Must survive images without features, empty depth and repeated views; must say `degenerate` or `lost` rather than
     return a confident guess. A class that derives from Odometry has the defaults below; one that does not is given them
