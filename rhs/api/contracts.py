@@ -10,9 +10,9 @@ is not finite is refused), keeps their ranges (`Bounded` and `within` of rhs.api
 and has `build(context) -> part`, where heavy libraries are imported. Words used by needs/provides:
 `image`, `depth`, `scan`, `wheel`, `command`, `driving` (the source can be driven), `teleport`, `walls`, `gray`, `texture`
 (the source has `texture(along_m, around_m)`, the true grey of its wall, for the judge of task=unroll). Any other word names
-an extra modality: an array that travels by that name in `Capture.extras` and `Observation.extras` (`imu`, `right_image`,
-...), past every sensor; it is recorded and replayed (of two cameras: rhs.api.stereo). `extras` in a source's provides:
-which ones is known when it is open.
+an extra modality: an array of numbers that travels by that name in `Capture.extras` and `Observation.extras` (`imu`,
+`right_image`, ...), past every sensor; it is recorded and replayed (of two cameras: rhs.api.stereo). `extras` in a source's
+provides: which ones is known when it is open.
 
 Parts get randomness only from `context.rng`, and never see a true pose. Arrays they receive are read-only.
 """
@@ -194,7 +194,7 @@ class Odometry(Protocol):
     that drove 0.1 m ahead and turned left has x = +0.1 and a positive yaw. Metres and radians; never summed up since the
     start. The covariance is of the right perturbation `previous_from_body @ exp(delta)`, order (x, y, z, rx, ry, rz), so
     it is in the body frame of *this* observation; it is symmetric and positive definite, and as wide as the errors are:
-    motions with status ok are held against the truth by rhs.testing and by the tables.
+    motions with status ok are held against the truth by rhs.testing and by `python -m rhs card`.
 
     Must survive images without features, empty depth and repeated views; must say `degenerate` or `lost` rather than
     return a confident guess. A class that derives from Odometry has the defaults below; one that does not is given them

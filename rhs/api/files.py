@@ -5,6 +5,7 @@ A crash leaves only names with `.tmp-` in them, which every reader of run folder
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -48,10 +49,17 @@ def _renamed(partial: Path, path: Path) -> Iterator[None]:
         yield
         os.replace(partial, path)
     except OSError as error:
-        raise RhsError(f"cannot write {path}: {error.strerror or error} ({free_space(path)}); free some space or "
-                       f"choose another folder") from error
+        raise RhsError(f"cannot write {path}: {error.strerror or error}{_what_to_do(error, path)}") from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _what_to_do(error: OSError, path: Path) -> str:
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return "; a part may keep files open: close them there, or raise the limit (ulimit -n)"
+    if not path.parent.is_dir():
+        return "; its folder was removed under way: a part may have done it"
+    return f" ({free_space(path)}); free some space or choose another folder"
 
 
 def free_space(path: Path) -> str:

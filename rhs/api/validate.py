@@ -48,9 +48,11 @@ from .validate_fields import (
     _det,
     _details,
     _extras,
+    _flag,
     _images,
     _known,
     _member,
+    _named,
     _number,
     _record,
     _refuse,
@@ -65,6 +67,7 @@ SYMMETRIC = 1e-6  # greatest asymmetry of a covariance's correlations
 MOST_VARIANCE = 1e12  # m^2 or rad^2
 MOST_BEAMS = 1_000_000
 MOST_POINTS = 100_000  # of a path
+LEAST_CELL_M = 1e-3  # a path over smaller ones is cut into more pieces than there is time for
 
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _EYE = np.eye(3)
@@ -80,11 +83,17 @@ def reach_of(facts: WorldFacts) -> float:
     return reach if facts.places else max(FAR_M, reach)
 
 
-def check_motion(motion: Motion, *, who: str, reach_m: float = FAR_M) -> Motion:
-    """A Motion: pose, covariance, a Tracking, bounded texts, a scan that is one. reach_m: longest way between two views."""
+@_named
+def check_motion(motion: Motion, *, who: str, reach_m: float = FAR_M, gated: bool = False) -> Motion:
+    """A Motion: pose, covariance, a Tracking, bounded texts, a scan that is one. reach_m: longest way between two views.
+    gated: it comes from the gate, which alone may have replaced it."""
     motion = _record(motion, Motion, who)
     _member(motion.status, Tracking, who, "status")
     _text(motion.reason, who, "reason")
+    _flag(motion.scan_measured, who, "scan_measured")
+    _flag(motion.replaced, who, "replaced")
+    if motion.replaced and not gated:
+        _refuse(who, "replaced", "True", "False: the gate alone replaces motions")
     _details(motion.details, who, own=("status", "reason", "replaced"))
     observability = motion.observability
     if observability is not None:
@@ -97,6 +106,7 @@ def check_motion(motion: Motion, *, who: str, reach_m: float = FAR_M) -> Motion:
                    scan=None if motion.scan is None else check_scan(motion.scan, who=who))
 
 
+@_named
 def check_belief(belief: Belief, *, who: str, reach_m: float = FAR_M) -> Belief:
     """A Belief: pose within reach_m, covariance, a BeliefStatus, a chance."""
     belief = _record(belief, Belief, who)
@@ -108,6 +118,7 @@ def check_belief(belief: Belief, *, who: str, reach_m: float = FAR_M) -> Belief:
                    covariance=check_covariance(belief.covariance, who=who))
 
 
+@_named
 def check_scan(scan: Scan, *, who: str) -> Scan:
     """A Scan: finite bearings, as many ranges: positive, NaN (unknown) or +inf (nothing there), none finite beyond FAR_M."""
     scan = _record(scan, Scan, who)
@@ -129,9 +140,12 @@ def check_scan(scan: Scan, *, who: str) -> Scan:
     return replace(scan, bearings_rad=bearings, ranges_m=ranges)
 
 
+@_named
 def check_capture(capture: Capture, *, who: str, after_s: float = -math.inf) -> Capture:
     """A Capture: its stamp later than `after_s` (of the capture before), shapes and types of what it holds."""
     capture = _record(capture, Capture, who)
+    if not isinstance(capture.index, int | np.integer) or capture.index < 0:
+        _refuse(who, "index", _short(capture.index), "the number of the view, 0 or more")
     if not _number(capture.stamp_s) or not math.isfinite(capture.stamp_s):
         _refuse(who, "stamp_s", _short(capture.stamp_s), "finite seconds")
     if capture.stamp_s <= after_s:
@@ -144,6 +158,7 @@ def check_capture(capture: Capture, *, who: str, after_s: float = -math.inf) -> 
     return replace(capture, image=image, depth=depth, travel=travel, scan=scan, extras=_extras(capture.extras, who))
 
 
+@_named
 def check_observation(observation: Observation, capture: Capture, *, who: str) -> Observation:
     """An Observation of this capture: the same index and stamp, images of its camera's size, a scan that is one."""
     observation = _record(observation, Observation, who)
@@ -155,6 +170,8 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
     freeze(camera.body_from_camera)
     _command(observation.command, who)
     wheel = None if observation.wheel is None else _array(observation.wheel, who, "wheel", (3,), finite=False)
+    if wheel is not None and np.isinf(wheel).any():
+        _refuse(who, "wheel", _short(wheel), "metres and radians, NaN where unknown")
     scan = None if observation.scan is None else check_scan(observation.scan, who=who)
     obstacle = None if observation.obstacle is None else check_scan(observation.obstacle, who=who)
     _contact(observation.contact, who)
@@ -164,11 +181,12 @@ def check_observation(observation: Observation, capture: Capture, *, who: str) -
                    extras=_extras(observation.extras, who))
 
 
+@_named
 def check_grid(grid: OccupancyGrid, *, who: str) -> OccupancyGrid:
     """An OccupancyGrid: chances in [0, 1] or NaN, a resolution, a corner, at most MOST_CELLS cells."""
     grid = _record(grid, OccupancyGrid, who)
-    if not _number(grid.resolution_m) or not 0.0 < grid.resolution_m <= FAR_M:
-        _refuse(who, "resolution_m", _short(grid.resolution_m), "metres above 0")
+    if not _number(grid.resolution_m) or not LEAST_CELL_M <= grid.resolution_m <= FAR_M:
+        _refuse(who, "resolution_m", _short(grid.resolution_m), f"metres above 0: {LEAST_CELL_M:g} to {FAR_M:g}")
     if len(grid.origin_m) != 2 or not all(_number(v) and math.isfinite(v) for v in grid.origin_m):
         _refuse(who, "origin_m", _short(grid.origin_m), "x and y of the corner in metres")
     shape = np.shape(grid.probability)
@@ -181,6 +199,7 @@ def check_grid(grid: OccupancyGrid, *, who: str) -> OccupancyGrid:
     return replace(grid, probability=probability)
 
 
+@_named
 def check_closure(closure: Closure, views: Sequence[View], *, who: str, reach_m: float = FAR_M) -> Closure:
     """A Closure of these views: a pose for each, the first where it was (to 1e-9 m), edges between views there are."""
     closure = _record(closure, Closure, who)
@@ -192,10 +211,16 @@ def check_closure(closure: Closure, views: Sequence[View], *, who: str, reach_m:
         _refuse(who, "edges", f"of type {type(closure.edges).__name__}", "a tuple of LoopEdge, empty where there is none")
     for edge in closure.edges:
         edge = _record(edge, LoopEdge, who)
-        if not 0 <= edge.earlier < edge.later < len(views):
-            _refuse(who, "edges", f"views {edge.earlier} and {edge.later}", f"earlier < later < {len(views)}")
+        ends = edge.earlier, edge.later
+        if not all(isinstance(end, int | np.integer) for end in ends) or not 0 <= ends[0] < ends[1] < len(views):
+            _refuse(who, "edges", f"views {_short(ends[0])} and {_short(ends[1])}", f"earlier < later < {len(views)}")
+        if not isinstance(edge.inliers, int | np.integer):
+            _refuse(who, "edges.inliers", _short(edge.inliers), "a whole number")
+        _flag(edge.accepted, who, "edges.accepted")
         _text(edge.reason, who, "edges.reason")
         check_pose(edge.earlier_from_later, who=who, field="earlier_from_later", reach_m=reach_m)
+        if edge.accepted:
+            check_covariance(edge.covariance, who=who, field="edges.covariance")
     _details(closure.details, who)
     return replace(closure, poses=poses, edges=tuple(closure.edges), covariances=_spread_of(closure, len(views), who))
 
@@ -210,6 +235,7 @@ def _spread_of(closure: Closure, count: int, who: str) -> np.ndarray | None:
     return covariances
 
 
+@_named
 def check_revision(revision: Revision, count: int, *, who: str, reach_m: float = FAR_M) -> Revision:
     """A Revision of `count` views: a pose for each, a scan (or None) for each or no scans at all, finite
     walls, a covariance or none."""
@@ -221,12 +247,15 @@ def check_revision(revision: Revision, count: int, *, who: str, reach_m: float =
         for end in (wall.start_xy_m, wall.end_xy_m):
             if np.abs(_array(end, who, "walls", (2,))).max() > reach_m:
                 _refuse(who, "walls", f"an end at {_short(end)}", f"metres within {reach_m:g} m")
+        if not (_number(wall.floor_m) and _number(wall.ceiling_m) and wall.floor_m < wall.ceiling_m):
+            _refuse(who, "walls", f"from {_short(wall.floor_m)} to {_short(wall.ceiling_m)} m", "a floor below a ceiling")
     return replace(revision, poses=check_poses(revision.poses, count, who=who, field="revise().poses", reach_m=reach_m),
                    scans=None if revision.scans is None else tuple(
                        None if scan is None else check_scan(scan, who=who) for scan in revision.scans),
                    covariance=None if revision.covariance is None else check_covariance(revision.covariance, who=who))
 
 
+@_named
 def check_path(path: Path, problem: PlanningProblem, *, who: str) -> Path:
     """A Path that answers this problem: points from its start to its goal (what a float32 rounds is put right) that touch
     nothing blocked, or no points and why. A start inside blocked cells (an obstacle grown too late) may be left by a short

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Mapping
-from typing import Any, NoReturn, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,23 @@ MOST_REASON = 2000  # characters
 MOST_DETAILS = 1000  # numbers of one step
 _NUMBER = (int, float, np.integer, np.floating, np.bool_)
 Record = TypeVar("Record")
+_Given = ParamSpec("_Given")
+
+
+def _named(check: Callable[_Given, Record]) -> Callable[_Given, Record]:
+    """The check of a record; what cannot be read at all (None for numbers, a class with another constructor) is its part's
+    breach of contract too, and named as such."""
+    @functools.wraps(check)
+    def named(*given: _Given.args, **more: _Given.kwargs) -> Record:
+        try:
+            return check(*given, **more)
+        except ContractError:
+            raise
+        except Exception as error:
+            said = " ".join(f"{more['who']}: what it returned cannot be read: {type(error).__name__}: {error}".split())
+            raise ContractError(said[:MOST_REASON]) from error
+
+    return named
 
 
 def _refuse(who: str, field: str, found: str, expected: str) -> NoReturn:
@@ -38,10 +56,16 @@ def _number(value: Any) -> bool:
     return isinstance(value, _NUMBER)
 
 
+def _flag(value: Any, who: str, field: str) -> None:
+    if not isinstance(value, bool | np.bool_):
+        _refuse(who, field, _short(value), "True or False")
+
+
 def _text(value: Any, who: str, field: str) -> None:
     if not isinstance(value, str) or len(value) > MOST_REASON:
         found = f"{len(value)} characters" if isinstance(value, str) else f"of type {type(value).__name__}"
         _refuse(who, field, found, f"a text of at most {MOST_REASON} characters")
+    value.encode()  # half a character, which no file holds, is none
 
 
 def _details(details: Any, who: str, own: tuple[str, ...] = ()) -> None:
@@ -51,6 +75,7 @@ def _details(details: Any, who: str, own: tuple[str, ...] = ()) -> None:
     for name, value in details.items():
         if not isinstance(name, str) or not isinstance(value, _NUMBER):
             _refuse(who, f"details[{repr(name)[:60]}]", repr(value)[:60], "a number by a name")
+        name.encode(), float(value)  # neither half a character nor a whole number beyond all floats
         if name in own:
             _refuse(who, f"details[{name!r}]", repr(value)[:60], f"another name: the record's own {name} stands there")
 
@@ -58,11 +83,13 @@ def _details(details: Any, who: str, own: tuple[str, ...] = ()) -> None:
 def _array(value: Any, who: str, field: str, shape: tuple[int | None, ...], *, finite: bool = True, most: int | None = None,
            dtype: type | None = np.float64) -> np.ndarray:
     """A read-only copy of real numbers of this shape (None: any length)."""
-    array = value if isinstance(value, np.ndarray) else _listed(value)
+    array = _known_of(value) if isinstance(value, np.ndarray) else _listed(value)
     array = np.empty([count or 0 for count in shape]) if array.shape == (0,) and shape[0] is None else array  # nothing
     if array.dtype.kind not in "fiu" or (array.shape != shape and not _fits(array.shape, shape)):
-        found = f"of shape {array.shape} and type {array.dtype}" if isinstance(value, np.ndarray) else _short(value)
-        _refuse(who, field, found, _wanted(shape, finite))
+        found = (f"of shape {array.shape} and type {array.dtype}" if isinstance(value, np.ndarray) else
+                 _short(value) if isinstance(value, list | tuple | str | int | float | None) else
+                 f"of type {type(value).__module__}.{type(value).__name__}")
+        _refuse(who, field, found, f"{_wanted(shape, finite)} in an array, a list or a tuple")
     if most is not None and len(array) > most:
         _refuse(who, field, f"{len(array)} long", f"at most {most}")
     if finite and not np.isfinite(array).all():
@@ -81,6 +108,14 @@ def _known(bearings: np.ndarray) -> np.ndarray:
     if before is None or not np.array_equal(before, bearings):
         _directions[len(bearings)] = before = bearings
     return before
+
+
+def _known_of(array: np.ndarray) -> np.ndarray:
+    """The array; NaN, unknown, for what a masked one hides."""
+    if not isinstance(array, np.ma.MaskedArray) or not array.mask.any():
+        return array
+    known: np.ndarray = np.ma.filled(array.astype(np.float64), np.nan)
+    return known
 
 
 def _listed(value: Any) -> np.ndarray:
@@ -103,6 +138,9 @@ def _extras(extras: Any, who: str) -> Mapping[str, np.ndarray]:
     """The extra modalities, frozen; nobody fills them again."""
     if not isinstance(extras, Mapping):
         _refuse(who, "extras", f"of type {type(extras).__name__}", "a mapping of arrays by name")
+    for name, value in extras.items():
+        if not isinstance(name, str) or not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
+            _refuse(who, f"extras[{repr(name)[:60]}]", _short(value), "an array of numbers by a name")
     return freeze({name: owned(value) for name, value in extras.items()})
 
 

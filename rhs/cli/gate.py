@@ -163,4 +163,6 @@ def in_words(found: Verdict, measure: str, margin: float) -> str:
     more = f"; about {found.needed} pairs would settle it" if found.needed else ""
     if found.word in ("no worse", "better"):
         more = f"; what strikes fewer than {100 * found.unseen:.0f} % of runs may not have shown"
+    if found.low == found.high == 0.0:
+        more += "; not a digit of it changed: name one that the change can move by --measure NAME"
     return f"{word}: {text}; successes lost {found.lost}, won {found.won}{more}"

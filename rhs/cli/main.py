@@ -32,19 +32,12 @@ from rhs.base.system import ENDINGS
 from .arguments import JOBS, TIMEOUT, Number, add, check, limits
 from .commands import command, plugin_files
 from .one_run import Terminated, complain, one_run, signal_code
+from .streams import tell_errors_beside, warnings_in_lines
 
 COLLECT_AFTER = 20_000  # new objects: what is loaded at the start is no garbage, and a run makes little
 USAGE = "python -m rhs [options] key=value ..."
 LIMITS = {"jobs": JOBS, "timeout": TIMEOUT, "fail_fast": Number(0, low=0, high=1_000_000),
           "memory_mb": Number(0.0, low=0.0, high=1e7, unit="MB"), "retries": Number(1, low=0, high=100)}
-
-
-def warning_in_words(message: Warning | str, category: type[Warning], file: str, line: int) -> str:
-    """One line: an old word of ours as it is, what a part or a library warns of with where that was."""
-    if issubclass(category, FutureWarning):
-        return f"rhs: {message}"
-    where = "/".join(Path(file).parts[-2:])
-    return f"rhs: warning in {where}:{line}: {category.__name__}: {message}"
 
 
 def main(words: list[str] | None = None) -> int:
@@ -54,7 +47,7 @@ def main(words: list[str] | None = None) -> int:
     words = [word for word in words if word != "--debug"] + ["--debug"] * debug
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal may lack a letter of a folder's name
-    warnings.showwarning = lambda *told: print(warning_in_words(*told[:4]), file=sys.stderr)
+    warnings.showwarning = warnings_in_lines()
     ends = [number for number in ENDINGS if signal.getsignal(number) is not signal.SIG_IGN]  # nohup
     terminate = raises(Terminated)
     before = {number: signal.signal(number, terminate) for number in ends}
@@ -89,6 +82,8 @@ def entry() -> int:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.set_threshold(COLLECT_AFTER)
     open_streams()
+    if "--debug" not in sys.argv:
+        tell_errors_beside()
     with suppress(RuntimeError, OSError, ValueError):  # there is no stderr
         faulthandler.enable(all_threads=False)  # a part that crashes the process is told with its file and line
     adopt_orphans()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import traceback
-from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from rhs.base.commands import INTERRUPTED, LONGEST, plain, shortened
 from rhs.base.errors import RhsError
 
 from . import first_run
+from .streams import streams_kept
 
 if TYPE_CHECKING:
     from rhs.config.compose import RunConfig
@@ -39,7 +39,7 @@ def one_run(config: RunConfig, debug: bool) -> int:
 
     on_compile(partial(_compiling, beside=config.ahead != "off" and processors() > 1))
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
-        with redirect_stdout(sys.stdout), redirect_stderr(sys.stderr):  # whatever a part makes of them
+        with streams_kept():
             row = run_config(config, claim.folder, bar)
         claim.publish()
         cause = row.pop("_cause", None)
@@ -54,7 +54,8 @@ def one_run(config: RunConfig, debug: bool) -> int:
         print(f"rhs: done with what is left of the recording: {row['lost']}", file=sys.stderr)
         return 3
     if status == "ok" and row.get("success") == 0:
-        print(f"rhs: not achieved: {row.get('plan_failure') or row.get('failure', '')}{_check_hint(row)}", file=sys.stderr)
+        why = plain(str(row.get("plan_failure") or row.get("failure", "")))
+        print(f"rhs: not achieved: {why}{_check_hint(row)}", file=sys.stderr)
         return 3
     failures = [str(row[name]) for name in ("row_failures", "metric_failures", "picture_failures") if row.get(name)]
     if status == "ok" and (failed := "; ".join(failures)):

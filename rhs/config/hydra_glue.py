@@ -37,7 +37,7 @@ from rhs.base.errors import ConfigError
 from rhs.base.strict_yaml import load_yaml
 
 from . import registry
-from .overrides import GROUPS, Word, check_options
+from .overrides import GROUPS, Word, check_options, quoted
 from .registry import names_in
 
 DEFAULT_STACK = "rgbd"  # what a sensor without a stack file of its own gets
@@ -82,7 +82,7 @@ def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[P
     with _session(schema, folders):
         check_options(options, _options)
         try:
-            taken = [f"{w.key}={w.value}" if w.value else f"~{w.key}" for w in options]
+            taken = [f"{w.key}={_spelt(w.value)}" if w.value else f"~{w.key}" for w in options]
             config = hydra.compose("config", taken, return_hydra_config=True)
         except (hydra.errors.HydraException, omegaconf.errors.OmegaConfBaseException) as error:
             raise (error.__cause__ if isinstance(error.__cause__, ConfigError) else
@@ -91,6 +91,11 @@ def compose(options: Sequence[Word], *, schema: dict[str, Any], folders: tuple[P
         with open_dict(config):
             del config["hydra"]
         return Tree(config, choices, tuple(under_way.files))
+
+
+def _spelt(name: str) -> str:
+    """A name as Hydra's grammar takes it, which lacks all letters that are not English."""
+    return name if name.isascii() else quoted(name)
 
 
 def with_values(tree: Tree, values: Sequence[Word]) -> dict[str, Any]:

@@ -26,7 +26,9 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
     said = _said(error)
     text = plain(f"{type(error).__name__}{at}: {said}")
     who, line = raised_in(error, config, parts)
-    return text if not who or (isinstance(error, RhsError) and said) else f"{who} failed in {line}: {text}"
+    named = tuple(called(kind, one) for kind, one in {"task": config.task, **config.parts}.items())
+    whole = isinstance(error, RhsError) and said and (_by_rhs(error) or said.startswith(named))
+    return text if not who or whole else f"{who} failed in {line}: {text}"
 
 
 def raised_in(error: BaseException, config: RunConfig, parts: Mapping[str, object]) -> tuple[str, str]:
@@ -36,20 +38,28 @@ def raised_in(error: BaseException, config: RunConfig, parts: Mapping[str, objec
     classes = {type(one.settings): kind for kind, one in chosen.items()}
     homes = {kind: _package(type(one.settings).__module__) for kind, one in config.parts.items()}
     alone = {home: kind for kind, home in homes.items() if list(homes.values()).count(home) == 1}  # its plain functions
-    kind, package, where = "", "", ("", 0)
+    kind, where = "", ("", 0)
+    own: set[str] = set()
     for frame, line in traceback.walk_tb(error.__traceback__):
         first = frame.f_code.co_varnames[0] if frame.f_code.co_argcount else ""  # mostly `self`
         module = _package(str(frame.f_globals.get("__name__", "")))
         self = frame.f_locals.get(first)
         found = who.get(id(self)) or classes.get(type(self)) if first in frame.f_locals else None
+        packages = {_package(base.__module__) for base in type(self).__mro__} - {"rhs"} if found else {module}
         if found is None and kind in ("", "task"):
             found = alone.get(module)
         if found and module != "rhs":  # a task's frames stand outside those of the part it asks
-            kind, package = found, module
-        if kind and module == package:
+            kind, own = found, packages
+        if kind and module != "rhs" and (found or module in own):
             where = (frame.f_code.co_filename, line)
     path = Path(where[0])
     return (called(kind, chosen[kind]), f"{path.parent.name}/{path.name}:{where[1]}") if kind else ("", "")
+
+
+def _by_rhs(error: BaseException) -> bool:
+    """Whether rhs itself raised it, which then says whose it is."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return bool(frames) and _package(str(frames[-1].f_globals.get("__name__", ""))) == "rhs"
 
 
 def _package(module: str) -> str:

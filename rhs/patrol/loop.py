@@ -19,6 +19,7 @@ from rhs.api.validate import check_belief, check_motion, reach_of
 
 from .ahead import Ahead
 from .eyes import Eyes, Looked
+from .gate import GatedOdometry
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,8 @@ def estimated(looked: Looked, odometry: Odometry, pilot: Pilot, *, index: int, w
     """What is made of a view: odometry, localise, map, plan; the step and the pilot's command."""
     capture, observation, clock = looked.capture, looked.observation, looked.clock
     with clock("odometry"):
-        motion = check_motion(odometry.update(observation), who=who["odometry"], reach_m=reach_m)
+        motion = check_motion(odometry.update(observation), who=who["odometry"], reach_m=reach_m,
+                              gated=isinstance(odometry, GatedOdometry))
     with clock("localise"):
         belief = check_belief(pilot.locate(observation, motion), who=who[pilot.believer], reach_m=reach_m)
     scan = observation.scan if observation.scan is not None else motion.scan

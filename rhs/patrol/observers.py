@@ -174,8 +174,8 @@ def bar(steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Ste
     """The same steps; a bar with the phase, the place in it and the last event is drawn on stderr meanwhile."""
     from tqdm import tqdm
 
-    with tqdm(total=expected, desc=f"{phase:<8}", unit="view", disable=None, file=sys.stderr, leave=True,
-              dynamic_ncols=True, smoothing=0.1) as shown:
+    with tqdm(total=expected, desc=f"{phase:<8}", unit="view", disable=None if sys.stderr else True, file=sys.stderr,
+              leave=True, dynamic_ncols=True, smoothing=0.1) as shown:
         for step in steps:
             shown.set_postfix_str(_note(step), refresh=False)
             shown.update()

@@ -13,9 +13,10 @@ import pytest
 from installing import CHOICE, FAKES, environment, installed, interruptible
 
 from rhs.base.commands import answered
-from rhs.cli.main import main, warning_in_words
+from rhs.cli.main import main
 from rhs.cli.one_run import Terminated
 from rhs.cli.say import of_run
+from rhs.cli.streams import warning_in_words
 from rhs.config.compose import compose_config, config_hash, from_plain, read_values
 from rhs.runfolder.row import canonical_hash, read_row
 

@@ -100,6 +100,8 @@ def test_four_equal_pairs_are_told_as_what_they_are():
     found = judge([1.0] * 4, [0.97] * 4, [(True, True)] * 4, margin=0.02)
     assert in_words(found, "x_m", 0.02) == ("better: x_m -3 % in each of 4 pairs; successes lost 0, won 0; what strikes "
                                             "fewer than 53 % of runs may not have shown")
+    same = judge([1.0] * 4, [1.0] * 4, [(True, True)] * 4, margin=0.02)  # of a measure that the change cannot move
+    assert in_words(same, "x_m", 0.02).endswith("name one that the change can move by --measure NAME")
 
 
 def test_a_way_through_a_wall_has_no_length():

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 import rhs
+from rhs.api.errors import RhsError
+from rhs.api.files import replacing
 from rhs.cli.main import not_written
 from rhs.config import registry
 from rhs.sweeps import ending
@@ -19,6 +21,8 @@ from rhs.sweeps import ending
 PLANNER = '''"""Does to its process what a part must not."""
 import os
 import sys
+import threading
+import warnings
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -45,6 +49,14 @@ class Rude:
             os.abort()
         if self.how == "silences":
             sys.stdout = None
+        if self.how == "closes":
+            sys.stdout.close()
+        if self.how == "litters":
+            for number in range(3):
+                warnings.warn(f"{number} is odd")
+                thread = threading.Thread(target=int, args=("x",))
+                thread.start()
+                thread.join()
         if self.how == "learns":
             self.learnt.append(1)
         if self.how == "moves":
@@ -97,15 +109,33 @@ def test_a_disk_that_cannot_be_written_to_is_told_with_what_to_do(monkeypatch, t
     assert "no space is left on the disk" in ending._fate(1, tmp_path)[1]
 
 
+def test_what_to_do_about_a_file_follows_from_why_it_cannot_be_written(tmp_path):
+    """Of a folder that a part had removed, and of too many open files, `free some space` was said."""
+    with pytest.raises(RhsError, match="its folder was removed under way"), replacing(tmp_path / "gone" / "row.json"):
+        pass
+    with pytest.raises(RhsError, match="a part may keep files open"), replacing(tmp_path / "row.json"):
+        raise OSError(errno.EMFILE, "Too many open files")
+    with pytest.raises(RhsError, match="free some space"), replacing(tmp_path / "row.json"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
 def test_a_job_log_without_a_crash_names_nobody(tmp_path):
     assert ending._crashed_in(tmp_path) == ""
     (tmp_path / "job.log").write_text('  File "/a/b.py", line 3 in plan\n')
     assert ending._crashed_in(tmp_path) == ""
 
 
-def test_the_table_is_printed_though_a_part_took_stdout_away(rude, tmp_path):
-    said = typed(tmp_path, "planner.how=silences")
-    assert "files: " in said.stdout and "Traceback" not in said.stderr
+@pytest.mark.parametrize("how", ["silences", "closes"])
+def test_the_table_is_printed_though_a_part_took_stdout_away(how, rude, tmp_path):
+    said = typed(tmp_path, f"planner.how={how}")
+    assert "files: " in said.stdout and said.stderr.startswith("rhs: not achieved") and said.returncode == 3
+
+
+def test_what_a_part_warns_of_and_what_fails_in_its_threads_is_a_line_for_each_place(rude, tmp_path):
+    """Each thread's traceback was printed, and each warning whose text held another number."""
+    warned, failed, _ = typed(tmp_path, "planner.how=litters").stderr.splitlines()
+    assert warned.startswith("rhs: warning in ") and warned.endswith("UserWarning: 0 is odd")
+    assert failed.startswith("rhs: error in a thread, ") and "ValueError: invalid literal for int()" in failed
 
 
 def test_what_a_run_leaves_for_the_next_one_in_its_process_is_said_and_put_back(rude, tmp_path):

@@ -90,6 +90,22 @@ def test_letters_that_are_not_english_need_no_quotes(word, value):
     assert [one.value for one in plain_words(parse([word]))] == [value]
 
 
+def test_the_name_of_a_part_may_have_letters_that_are_not_english(tmp_path, monkeypatch):
+    """An entry point may; Hydra's grammar answered LexerNoViableAltException."""
+    about = tmp_path / "odd-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[rhs.planner]\nfür_flure = odd_planner:Careless\n", encoding="utf-8")
+    (tmp_path / "odd_planner.py").write_text(PLANNER, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    registry.forget()
+    try:
+        assert compose_config(["task=planning", "world=map1", "planner=für_flure"]).parts["planner"].name == "für_flure"
+    finally:
+        sys.modules.pop("odd_planner", None)
+        registry.forget()
+
+
 def test_each_value_of_a_sweep_may_have_letters_that_are_not_english():
     found = sweep_words(parse(["world=Häuser/a.yaml,b.yaml"]), most=10)
     assert [words[0].value for words in found] == ["Häuser/a.yaml", "b.yaml"]

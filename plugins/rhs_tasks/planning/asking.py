@@ -79,8 +79,9 @@ def checked(answer: Any, who: str, *, most_points: int) -> Path:
     if not isinstance(answer.reason, PlanReason):
         raise ContractError(f"{who}: reason is {str(answer.reason)[:60]!r}; expected a PlanReason, PlanReason.OK for a path")
     points = np.asarray(answer.points_m) if len(answer.points_m) else np.empty((0, 2))
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) > most_points:
-        raise ContractError(f"{who}: points_m has shape {points.shape}; expected (N, 2), N at most {most_points}")
+    if points.dtype.kind not in "fiu" or points.ndim != 2 or points.shape[1] != 2 or len(points) > most_points:
+        raise ContractError(f"{who}: points_m has shape {points.shape} and type {points.dtype}; expected (N, 2) numbers, "
+                            f"N at most {most_points}")
     points = np.array(points, float)
     if not np.isfinite(points).all():
         raise ContractError(f"{who}: points_m holds numbers that are not finite; expected metres")
