@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from rhs.api.contracts import Context, Localiser, PartSettings
 from rhs.api.records import Belief, BeliefStatus, Motion, Observation, View
 
-SURE = 0.9  # chance of being right above which it calls itself tracking, as `sift_db` does
+SURE = 0.9  # of the chance of being right, that a map leaves by which it calls itself tracking
 
 
 @dataclass
@@ -44,12 +44,12 @@ class DeadReckoning:
         from rhs.api.belief import chance_right
 
         covariance = belief.covariance + self._spread.at(belief.map_from_body)
-        left = chance_right(covariance) / max(chance_right(belief.covariance), 1e-12)
-        self._belief = replace(belief, covariance=covariance, probability=belief.probability * left)
+        left = chance_right(covariance) / max(chance_right(belief.covariance), 1e-12)  # of the chance, by an unsure map
+        status = BeliefStatus.DEGRADED if belief.status.on_map and left < SURE else belief.status
+        self._belief = Belief(belief.map_from_body, covariance, status, belief.probability * left)
 
     def update(self, observation: Observation, motion: Motion) -> Belief:
         from rhs.api.belief import moved
 
         self._belief = moved(self._belief, motion)
-        unsure = self._belief.status.on_map and self._belief.probability < SURE
-        return replace(self._belief, status=BeliefStatus.DEGRADED) if unsure else self._belief
+        return self._belief
