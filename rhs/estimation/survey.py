@@ -170,15 +170,15 @@ def draw(views: Sequence[View], mapper: Mapper, *, who: str = "mapper") -> Occup
     """The map, drawn anew from the corrected poses, the surest last, with what stands below the camera's height laid over
     what the mapper drew of the scans. who: the mapper as typed, for errors."""
     mapper.reset()
-    obstacles = False
-    for view in (views[k] for k in surest_last(views)):
+    obstacles, order = False, surest_last(views)
+    for view in (views[k] for k in order):
         obstacles |= view.obstacle is not None
         if view.scan is not None:
             mapper.update(view.map_from_body, view.scan)
     grid = check_grid(mapper.grid(), who=who)
     if mapper.draws_furniture or not obstacles:
         return grid
-    return furnished(grid, views)
+    return furnished(grid, (views[k] for k in order))
 
 
 def surest_last(views: Sequence[View]) -> list[int]:
@@ -198,7 +198,7 @@ def _end_sigma_m(of_map: np.ndarray) -> float:
     return float(np.sqrt(np.linalg.eigvalsh(of_map[:2, :2])[-1] + LEVER_M**2 * of_map[5, 5]))
 
 
-def furnished(grid: OccupancyGrid, views: Sequence[View]) -> OccupancyGrid:
+def furnished(grid: OccupancyGrid, views: Iterable[View]) -> OccupancyGrid:
     """The grid with those cells occupied in which the views saw something that the scan passes over, and those behind it of
     which none showed the floor unknown (HIDDEN). The scan says that its way is free at the camera's height, which is no word
     against a table, nor for the ground under its far side."""
@@ -206,7 +206,7 @@ def furnished(grid: OccupancyGrid, views: Sequence[View]) -> OccupancyGrid:
 
     low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())
     shown, hidden = np.zeros(grid.shape, bool), np.zeros(grid.shape, bool)
-    for view in (views[k] for k in surest_last(views)):
+    for view in views:
         if view.obstacle is None:
             continue
         hits = low_only(view.obstacle, view.scan)

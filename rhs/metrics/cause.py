@@ -3,7 +3,8 @@
 Truth decides one thing only, as for places_visited: a robot that says it has arrived and stands elsewhere has failed.
 The first mission that did not end at its place is looked at, from its beginning to its end; what was unbroken when it
 began is counted as of its beginning. Each link is named once, where it first complained, in the order in which they did.
-Where neither odometry nor localiser complained in it, what they said in the survey is counted: the map is of then.
+Where neither odometry nor localiser complained in it of more than the map, what they said in the survey is counted: the map
+is of then.
 """
 
 from __future__ import annotations
@@ -12,14 +13,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rhs.api.metric import RunFiles, columns_of
+from rhs.api.statuses import BeliefStatus
 
-from .patrol import arrived_elsewhere
+from .patrol import arrived_elsewhere, patrol_steps
 
 Step = Mapping[str, str]
 OF_EVENT = {"no_plan": "plan: no path", "blocked": "something unknown on the path", "stopped": "no room ahead",
-            "replan": "a new plan", "kidnapped": "somebody carried the robot off",
-           "lost": "the robot looks for itself", "gave_up": "gave up"}
+            "replan": "a new plan", "kidnapped": "somebody carried the robot off", "lost": "the robot looks for itself",
+            "gave_up": "gave up"}
 ESTIMATORS = {"odometry", "gate", "localise"}  # links that complain of what they know
+OF_THE_MAP = f"localiser {BeliefStatus.DEGRADED}"  # what it complains of was drawn in the survey
 MOST_WORDS = 5
 
 
@@ -42,13 +45,14 @@ def complaints(step: Step) -> list[tuple[str, str]]:
 def cause(run: RunFiles) -> str:
     """The sentence; empty where every mission ended at its place."""
     missions = run.json("missions") or []
-    survey, patrol = ([step for step in run.steps if step["phase"] == phase] for phase in ("survey", "patrol"))
+    survey, patrol = [step for step in run.steps if step["phase"] == "survey"], patrol_steps(run)
     failed = first_failed(missions, patrol)
     if failed is None:
         return ""
     what = f"{failed['place']}: {failed['reason'] or 'the run ended on the way'}"
     sequence = [f"view {view} {words}" for view, words in first_of_failed(patrol, missions)]
-    if not any(link in ESTIMATORS for step in of_mission(patrol, failed) for link, _ in complaints(step)):
+    said = [words for step in of_mission(patrol, failed) for link, words in complaints(step) if link in ESTIMATORS]
+    if set(said) <= {OF_THE_MAP}:
         sequence = said_in(survey) + sequence
     return f"{what}; " + (", then ".join(sequence[:MOST_WORDS]) if sequence else "no part complained before")
 

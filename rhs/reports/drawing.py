@@ -11,7 +11,8 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid
 from rhs.api.trajectory import Trajectory, aligned, read_tum
 from rhs.metrics.accuracy import pair
-from rhs.metrics.patrol import arrived_elsewhere, gets_to
+from rhs.metrics.patrol import arrived_elsewhere, gets_to, patrol_steps
+from rhs.metrics.success import places_within_reach
 from rhs.runfolder.run import Run
 
 from .event_marks import draw_happenings, draw_moving, draw_unknown
@@ -37,7 +38,9 @@ def title(row: dict[str, Any]) -> str:
                _number(row, "map_agreement", "map agreement {:.1%}"),
                _number(row, "collisions", "1 collision" if row.get("collisions") == 1 else "{:.0f} collisions")]
     if row.get("places_total") and row.get("patrol_steps") != 0:  # rows of old said so of a survey too
-        numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places")
+        barred = float(row["places_total"]) - places_within_reach(row)
+        numbers.insert(0, f"{row.get('places_visited')}/{row['places_total']} places"
+                       + (f", {barred:.0f} out of reach" if barred > 0 else ""))
     if row.get("status") not in (None, "ok"):
         numbers.insert(0, f"{row['status']}: {str(row.get('reason', ''))[:80]}")
     return first + "\n" + " · ".join(n for n in numbers if n)
@@ -175,9 +178,8 @@ def draw_plans(axes: Axes, folder: Path) -> None:
 def draw_places(axes: Axes, folder: Path) -> None:
     """Places by name, each with what became of it."""
     facts, missions = json_of(folder / "facts.json") or {}, json_of(folder / "missions.json") or []
-    patrol = [step for step in Run(folder).steps if step["phase"] == "patrol"]
     arrived = {m["place"] for m in missions if m["status"] == "arrived"}
-    mistaken = arrived_elsewhere(missions, patrol)
+    mistaken = arrived_elsewhere(missions, patrol_steps(Run(folder)))
     elsewhere = {m["place"] for m in missions if str(m["mission"]) in mistaken}
     barred = _barred(folder, facts)
     red, grey = COLOURS["place"], "#777777"

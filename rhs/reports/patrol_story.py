@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.records import BeliefStatus
-from rhs.metrics.patrol import arrived_elsewhere
+from rhs.metrics.patrol import arrived_elsewhere, patrol_steps
 from rhs.runfolder.run import Run
 
 from .drawing import json_of
@@ -44,7 +44,7 @@ def patrol_story(folder: Path, row: Mapping[str, Any]) -> Story:
     """The story of a run folder that has a changes.json."""
     missions, rows = json_of(folder / "missions.json") or [], json_of(folder / "changes.json") or []
     places = tuple(_place(folder, row) for row in rows)
-    patrol = [step for step in Run(folder).steps if step["phase"] == "patrol"]
+    patrol = patrol_steps(Run(folder))
     mistaken = arrived_elsewhere(missions, patrol)
     return Story((*_what_happened(missions, rows, mistaken), *_of_the_row(row), *_of_the_steps(patrol)), places)
 

@@ -214,5 +214,7 @@ def test_where_the_patrol_says_nothing_the_survey_that_drew_the_map_is_asked():
         "1 of 4, first 2), then view 4 plan: no path")
     lost = [step(4, event="no_plan+gave_up", motion_status="lost")]
     assert "survey" not in cause(failed_run(survey + lost))
+    unsure = [step(4, event="no_plan+gave_up", belief_status="degraded")]  # of its map, which was drawn then
+    assert "in the survey odometry lost" in cause(failed_run(survey + unsure))
     well = [step(k, phase="survey") for k in range(4)]
     assert cause(failed_run(well + [step(4)])) == "kitchen: no path: never_seen; no part complained before"
