@@ -112,17 +112,16 @@ def _check_measure(measure: str, old: Sequence[Row], folder: str) -> None:
 def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
               margin: float, more_is_better: bool = False) -> tuple[Verdict, list[str]]:
     """Run new jobs until a look settles it, or there are no more; and what is to be said of them."""
-    from tqdm import tqdm
-
     from rhs.reports.gate import error_parts, judge, looks
     from rhs.sweeps.kept import broken_off, kept_rows
 
+    from .progress import running
+
     planned, done = looks(len(pairs)), 0
     new: list[Row] = []
-    with tqdm(total=len(pairs), unit="pair", disable=None) as shown:
+    with running(len(pairs), unit="pair") as tell:
         for until, level in zip(planned, error_parts(planned), strict=True):
-            new += kept_rows([job for _, job in pairs[done:until]], folder, limits,
-                             tell=lambda job, status: shown.update() and None)
+            new += kept_rows([job for _, job in pairs[done:until]], folder, limits, tell=tell)
             done = until
             old = [row for row, _ in pairs[:done]]
             ranks = [(rank(a), rank(b)) for a, b in zip(old, new, strict=True)]
