@@ -198,7 +198,7 @@ USED_BY = {
     "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
                                             "clouds", "carmen"),
-    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",),
+    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "views_late_s": ("bag",),
 }
 
 

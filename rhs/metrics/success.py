@@ -39,7 +39,7 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
     views, lost = _number(row, "views"), _number(row, "views_lost")
     if lost > HALF * (views + lost):
         return 0.0, f"{lost:.0f} of {views + lost:.0f} views never arrived"
-    if wrong := mount_fault(row) or ("" if vision_led(row) else wheel_fault(row)):
+    if wrong := mount_fault(row) or ("" if vision_led(row) else wheel_fault(row) or late_views(row)):
         return 0.0, wrong
     if _number(row, "map_inconsistency") > CONTRADICTED:
         return 0.0, f"the map reads wrong: beams look through {_number(row, 'map_inconsistency'):.0%} of its walls"
@@ -74,6 +74,16 @@ def wheel_fault(row: Mapping[str, object]) -> str:
             return (f"the wheels tell of {ratio:.2g} times the {what} that the camera saw: {why}, or a camera that sits "
                     "otherwise than was told; type source.wheel_topic=none to go without wheels")
     return ""
+
+
+def late_views(row: Mapping[str, object]) -> str:
+    """How much later the views are stamped than the wheels' readings, and what to type; empty where they are not."""
+    late_s = _number(row, "views_late_s")
+    if math.isnan(late_s) or late_s == 0.0:
+        return ""
+    side = "after" if late_s > 0.0 else "before"
+    return (f"by their turns the views come {abs(late_s):.2g} s {side} the wheels' readings "
+            f"(of a bag: source.views_late_s={late_s:.2g} puts it right)")
 
 
 def vision_led(row: Mapping[str, object]) -> bool:

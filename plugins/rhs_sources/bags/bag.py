@@ -67,6 +67,9 @@ def open_bag(path: Path, settings) -> Recording:
     lost: list[str] = []
     stop = settings.start + settings.count * settings.stride if settings.count else None
     found_views = _views(reader, topics, settings, (camera, placed), counts, lost)
+    if settings.views_late_s:
+        found_views = ((capture and replace(capture, stamp_s=capture.stamp_s - settings.views_late_s), reading)
+                       for capture, reading in found_views)
     with_wheels = beside_wheels(found_views, waits="wheel" in topics.provide(), for_s=abs(turning.span_s), made=turning.seen)
     views = islice(with_wheels, settings.start, stop, settings.stride)
 
