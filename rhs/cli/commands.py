@@ -123,7 +123,7 @@ def show_help(words: Sequence[str]) -> int:
             sys.stdout.write(f"{'' if not section else chr(10)}{title}\n")
             section = title
         for number, line in enumerate(textwrap.wrap(meaning, 82) or [""]):
-            sys.stdout.write(f"  {name if number == 0 else '':<32}{line}\n")
+            sys.stdout.write(f"  {name if number == 0 else '':<32} {line}\n")
     return 0
 
 

@@ -167,7 +167,8 @@ def test_a_truth_in_a_frame_of_its_own_is_laid_onto_the_belief_and_the_empty_map
 
 @pytest.mark.parametrize(("edges", "label"), [([], "survey, corrected without a loop"),
                                               ([{"accepted": False}], "survey, corrected without a loop"),
-                                              ([{"accepted": True}], "survey, loop closed")])
+                                              ([{"accepted": True}], "survey, 1 loop closed"),
+                                              (2 * [{"accepted": True}], "survey, 2 loops closed")])
 def test_the_truth_lies_where_the_corrected_way_is_and_a_loop_is_named_where_one_was(tmp_path, edges, label):
     """The map is drawn of the corrected way and the ATE is of it, so the truth is laid onto that, not onto the belief."""
     from matplotlib.figure import Figure
