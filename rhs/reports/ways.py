@@ -26,8 +26,9 @@ PANEL_IN = 4.6  # side of a panel, inches
 
 
 def ways(table: pandas.DataFrame, group: Sequence[str]) -> Figure | None:
-    """The survey of each run as it was settled, along the two axes on which it goes furthest, with the truth where there is
-    one; None where no two runs went the same way. table: rows by run folder. group: columns that say which run a line is.
+    """The survey of each run as it was settled (of task=localise the way as believed), along the two axes on which it goes
+    furthest, with the truth where there is one; None where no two runs went the same way. table: rows by run folder.
+    group: columns that say which run a line is.
 
     A way is laid onto the truth as its ATE was; where nobody knows the truth it begins where the others do."""
     found: dict[str, list[tuple[Path, Any]]] = {}
@@ -58,7 +59,8 @@ def _word(row: Any, name: str) -> str:
 
 
 def _panel(axes: Axes, runs: Sequence[tuple[Path, Any, str]]) -> None:
-    truth = next((way for folder, _, _ in runs if (way := _read(folder / "truth_survey.tum")) is not None), None)
+    true_ways = (_first(folder, "truth_survey.tum", "truth_localised.tum") for folder, _, _ in runs)
+    truth = next((way for way in true_ways if way is not None), None)
     true: dict[str, Any] = {"color": COLOURS["truth"], "linewidth": 2.2}
     lines = [] if truth is None else [(truth, "true", true)]
     for folder, row, label in runs:
@@ -83,9 +85,12 @@ def _laid(way: Trajectory, truth: Trajectory, how: str) -> Trajectory:
 
 
 def _settled(folder: Path) -> Trajectory | None:
-    """The survey's way as it was corrected, else as it was believed."""
-    corrected = _read(folder / "corrected.tum")
-    return _read(folder / "estimate.tum") if corrected is None else corrected
+    """The survey's way as it was corrected, else as it was believed, else that of task=localise."""
+    return _first(folder, "corrected.tum", "estimate.tum", "localised.tum")
+
+
+def _first(folder: Path, *names: str) -> Trajectory | None:
+    return next((way for name in names if (way := _read(folder / name)) is not None), None)
 
 
 def _read(path: Path) -> Trajectory | None:
