@@ -13,15 +13,28 @@ from .bags.bag import held_in_bag
 from .replay import USED_BY, format_of, open_recording
 
 SUITED = {"scan": "laser", "cloud": "lidar", RIGHT_IMAGE: "stereo", "image": "mono"}  # the first of these that is there
+MOST_KEPT = 256  # answers, for the jobs of a sweep
 log = logging.getLogger("rhs.replay")
+_answers: dict[tuple[str, int], str] = {}
 ALONE = {"carmen": "scan", "clouds": "cloud", "video": "image"}  # told by the format, without opening anything
 
 
 def suited_sensor(settings) -> str:
-    """`laser`, `lidar`, `stereo` or `mono`; empty where there is colour with depth, or nothing that can be read."""
+    """`laser`, `lidar`, `stereo` or `mono`; empty where there is colour with depth, or nothing that can be read.
+
+    A recording is opened once for all jobs that read it alike, as long as its file or folder stays as it is."""
     path = Path(settings.path).expanduser()
     if not settings.path or not (path.is_dir() or path.is_file()):
         return ""
+    asked = repr(settings), path.stat().st_mtime_ns
+    if asked not in _answers:
+        if len(_answers) >= MOST_KEPT:
+            _answers.clear()
+        _answers[asked] = _looked_up(path, settings)
+    return _answers[asked]
+
+
+def _looked_up(path: Path, settings) -> str:
     log.disabled, before = True, log.disabled  # what there is to say is said where the recording is opened to be used
     try:
         held = _held(path, settings)

@@ -12,6 +12,7 @@ from bags import BagFile
 
 import rhs
 from rhs.config.compose import compose_config
+from rhs_sources import replay_sensor
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 P = "50 0 31.5 {} 0 50 23.5 0 0 0 1 0"
@@ -75,6 +76,13 @@ def test_a_bag_with_a_laser_and_no_depth_is_a_lasers(tmp_path):
     assert chosen(bag(tmp_path / "both", scan=True, colour=True))[0] == "laser"
     one_eye = bag(tmp_path / "colour", scan=False, colour=True)
     assert chosen(one_eye, "source.depth_topic=none")[0] == "mono"
+
+
+def test_the_jobs_of_a_sweep_open_a_recording_once(tmp_path, monkeypatch):
+    folder, opened = kitti(tmp_path / "two", (2, 3)), []
+    whole = replay_sensor.open_recording
+    monkeypatch.setattr(replay_sensor, "open_recording", lambda settings: opened.append(1) or whole(settings))
+    assert [chosen(folder, f"seed={seed}")[0] for seed in range(3)] == 3 * ["stereo"] and len(opened) == 1
 
 
 def test_a_recording_that_cannot_be_read_is_left_to_be_refused_when_it_is(tmp_path):
