@@ -113,6 +113,12 @@ class Replay(PartSettings):
         if not isinstance(self.camera, str):
             _check_intrinsics(self.camera)
 
+    def suited_sensor(self) -> str:
+        """The sensor of this recording, where it has no colour with depth; empty: the default one."""
+        from .replay_sensor import suited_sensor
+
+        return suited_sensor(self)
+
     def build(self, context: SourceContext) -> Source:
         from .replay import ReplaySource
 

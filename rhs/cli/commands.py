@@ -31,7 +31,7 @@ COMMANDS = {
     "bench": ("rhs.cli.bench", "a frozen benchmark with reproducible rows: bench planning-v1 --mine planner=mine"),
     "new": ("rhs.cli.new", "write a package with a plugin to start from: new planner my_planner"),
     "completion": ("rhs.cli.completion", "tab completion of the command `rhs`: completion bash | zsh | fish"),
-    "help": ("rhs.cli.commands", "help KIND | settings | columns | events | statuses | kinds | commands"),
+    "help": ("rhs.cli.commands", "help KIND | PART | settings | columns | events | statuses | kinds | commands"),
 }
 
 EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
@@ -105,8 +105,14 @@ def show_help(words: Sequence[str]) -> int:
         return 0
     if topic == "kinds":
         return _kinds()
-    from .help_text import KINDS, settings_text
+    from rhs.config import registry
 
+    from .help_text import KINDS, help_text, settings_text
+
+    parts = [f"{kind}={topic}" for kind in KINDS if topic in registry.names(kind)]
+    if parts and topic not in (*PLUGIN_KINDS, "settings"):
+        sys.stdout.write(help_text(parts) + "\n")
+        return 0
     if topic == "settings" or topic in PLUGIN_KINDS:
         sys.stdout.write(settings_text(KINDS if topic == "settings" else [topic]) + "\n")
         return 0
@@ -114,7 +120,7 @@ def show_help(words: Sequence[str]) -> int:
     if wanted is None:
         topics = ("commands", "columns", "events", "statuses", "settings", "kinds", *PLUGIN_KINDS)
         raise ConfigError(f"help {topic}: there is no such help{nearest(topic, list(topics))} "
-                          f"(there is {', '.join(topics)})")
+                          f"(there is {', '.join(topics)}, and the name of each part)")
     section = ""
     for title, name, meaning in lines():
         if topic != "columns" and wanted not in title:
@@ -123,7 +129,7 @@ def show_help(words: Sequence[str]) -> int:
             sys.stdout.write(f"{'' if not section else chr(10)}{title}\n")
             section = title
         for number, line in enumerate(textwrap.wrap(meaning, 82) or [""]):
-            sys.stdout.write(f"  {name if number == 0 else '':<32}{line}\n")
+            sys.stdout.write(f"  {name if number == 0 else '':<32} {line}\n")
     return 0
 
 

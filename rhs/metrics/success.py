@@ -4,7 +4,8 @@ Planning: a path was found and the judge holds it valid. Patrol: every place was
 a robot of its size may get to, as things then stood. Survey or recording: at least
 half of the views arrived, the odometry tracked at least half of these, and the map of a laser neither contradicts itself nor
 is unsure of its way; unrolling: at least half of the strips were registered.
-Localise: a laser that sits as was told, found after nine of ten starts, wrong and sure in 1 % of the views at most.
+Localise: a laser that sits as was told, a map as large as the building, found after nine of ten starts, wrong and sure in
+1 % of the views at most.
 A run that was asked for nothing (single places queried, a figure only) neither succeeded nor failed.
 """
 
@@ -111,6 +112,9 @@ def _localised(row: Mapping[str, object]) -> tuple[float, str]:
     is lost most of the time, else unknown."""
     if fault := mount_fault(row):
         return 0.0, fault
+    if _known(row, "map_size_ratio") and _number(row, "map_size_ratio") != 1.0:
+        return 0.0, (f"the map is {_number(row, 'map_size_ratio'):.3f} times as large as what the odometry measures: is the "
+                     "resolution in its yaml right?")
     if not _known(row, "found_share"):
         lost = _number(row, "belief_lost_share")
         return (0.0, f"lost in {lost:.0%} of the views") if lost > HALF else (NAN, "")

@@ -112,7 +112,7 @@ def test_a_place_that_any_truth_saves_goes_to_the_link_that_saves_the_rest_too()
     """A place missed by a hair: any other survey or belief saves it, but the long way stays long without the true map."""
     told = chain(LINKS, places=[(1, ["sense", "odometry", "map", "localise"])], way=[(6, ["map"])])
     assert told["link"] == "map"
-    assert told["verdict"] == ("of 1 missed places sense cost 0.25, odometry cost 0.25, map cost 0.25, localise cost 0.25, "
+    assert told["verdict"] == ("of 1 missed place sense cost 0.25, odometry cost 0.25, map cost 0.25, localise cost 0.25, "
                                "and map is named: its truth alone saves 1, and more of all else that was lost")
     assert chain(LINKS, places=[(1, LINKS[:4])], way=[(1, ["map"])], ate=[(0.1, ["sense"])])["link"] == "sense"
 

@@ -43,8 +43,7 @@ def open_bag(path: Path, settings) -> Recording:
     """The views of a bag: paired colour and depth, or scans when there are no images."""
     reader = opened(path)
     try:
-        counted = any(info.msgcount for info in reader.topics.values())  # recorders list topics that they never heard
-        found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
+        found = _found(reader)
         topics = choose_topics(found, settings, str(path), _encodings(reader, found))
         if topics.depth and not settings.depth_scale:
             settings = replace(settings, depth_scale=realsense.depth_scale(reader, topics.depth))
@@ -87,6 +86,28 @@ def open_bag(path: Path, settings) -> Recording:
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
     return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)
+
+
+def held_in_bag(path: Path, settings) -> frozenset[str]:
+    """What the views of a bag may hold, whichever of its sensors makes them, in the words of a part's needs."""
+    reader = opened(path)
+    try:
+        found = _found(reader)
+        encodings = _encodings(reader, found)
+    finally:
+        reader.close()
+    held: frozenset[str] = frozenset()
+    typed = settings.color_topic or settings.depth_topic
+    for views in (settings.views,) if typed else (settings.views, "scans", "clouds"):
+        with suppress(ConfigError):
+            held |= choose_topics(found, replace(settings, views=views), str(path), encodings).provide()
+    return held
+
+
+def _found(reader) -> dict[str, str]:
+    """Topic -> type, but for those that the recorder listed and never heard."""
+    counted = any(info.msgcount for info in reader.topics.values())
+    return {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
 
 
 def _encodings(reader, found: dict[str, str]) -> dict[str, str]:
