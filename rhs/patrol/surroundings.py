@@ -293,13 +293,13 @@ class Surroundings:
                    hidden_m: np.ndarray = NOTHING, least: float = THING, turned_rad: float = 0.0) -> float:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
         nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; hidden_m (K, 2):
-        middles of cells in which something may stand anywhere; least: votes; turned_rad: of a robot that turns on the spot
+        middles of cells in which something may stand, where something moves up to their corners; least: votes; turned_rad: of a robot that turns on the spot
         first."""
         seen, (at, way) = self.things(least=least), arc(command, up_to_m)
         things = np.concatenate([seen, walls_m, hidden_m])
         margins_m = np.full(len(things), margin_m)
         margins_m[:len(seen)] += self._unsure_m(seen)
-        margins_m[len(seen) + len(walls_m):] += CELL_REACH_M
+        margins_m[len(seen) + len(walls_m):] += CELL_REACH_M * self.moves
         if not len(things):
             return up_to_m
         c, s = np.cos(turned_rad), np.sin(turned_rad)

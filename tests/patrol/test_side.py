@@ -38,12 +38,14 @@ def test_many_small_turns_bring_the_corners_of_a_robot_no_nearer_than_one():
     assert turned_rad < -0.05 and OBLONG.gaps_m(post_m @ np.array([[c, -s], [s, c]]))[0] > 0.015
 
 
-def test_what_may_stand_anywhere_in_a_cell_is_kept_from_by_its_corners():
+def test_where_something_moves_what_may_stand_anywhere_in_a_cell_is_kept_from_by_its_corners():
     """Cells beside the way, their middles 6 cm from the robot's side and their corners 2.5 cm: nearer than 5 cm."""
     watched = guard()
     watched.observe(seen(1, 5.0), STILL)
     beside = np.array([[0.5, 0.36], [0.55, 0.36]])
     assert watched.around.free_way_m(AHEAD, 0.05, 1.0, walls_m=beside) == 1.0
+    assert watched.around.free_way_m(AHEAD, 0.05, 1.0, hidden_m=beside) == 1.0
+    watched.around.moved_s = watched.around.now_s
     assert watched.around.free_way_m(AHEAD, 0.05, 1.0, hidden_m=beside) < 0.5
 
 
