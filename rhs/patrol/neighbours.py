@@ -29,8 +29,8 @@ def has_neighbour(points_m: np.ndarray, within_m: float) -> np.ndarray:
 
 
 def nears(gaps_m: np.ndarray, now_m: np.ndarray, margin_m: float | np.ndarray) -> np.ndarray:
-    """Whether gaps are less than the margin and than the gaps now, if there are any, within LAST_M by anything: commands that
-    each bring the robot nearer by less than what was seen is exact to would end at the thing."""
+    """Whether gaps are less than the margin and than the gaps now, if there are any, within LAST_M by anything: commands
+    that each bring the robot nearer by less than what was seen is exact to would end at the thing."""
     slack_m = np.where((gaps_m < LAST_M) & (now_m > 0.0), 0.001, EXACT_M)
     nearer: np.ndarray = (gaps_m < margin_m) & (gaps_m < now_m - slack_m)
     return nearer

@@ -293,8 +293,8 @@ class Surroundings:
                    hidden_m: np.ndarray = NOTHING, least: float = THING, turned_rad: float = 0.0) -> float:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
         nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; hidden_m (K, 2):
-        middles of cells in which something may stand, where something moves up to their corners; least: votes; turned_rad: of a robot that turns on the spot
-        first."""
+        middles of cells in which something may stand, up to their corners where something moves; least: votes; turned_rad:
+        of a robot that turns on the spot first."""
         seen, (at, way) = self.things(least=least), arc(command, up_to_m)
         things = np.concatenate([seen, walls_m, hidden_m])
         margins_m = np.full(len(things), margin_m)
@@ -378,11 +378,11 @@ class Surroundings:
 
     def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
         """Those of the points (K, 2) of this frame that no view since since_s has covered; of those beside the robot, which
-        lay ahead of it when they were looked at last and to which nobody walks up, none for low_s."""
+        lay ahead of it when they were looked at last, and between which and it nobody steps, none for low_s."""
         rows, columns = self._cells(points_m).T
         beside = np.hypot(*(points_m - self.pose[:2, 3]).T) < self.radius_m + STEPS_M
-        since_s = np.where(beside, min(since_s, self.now_s - self.low_s), since_s)
-        unseen: np.ndarray = points_m[self.seen_s[rows, columns] < since_s]
+        needed_s = np.where(beside, min(since_s, self.now_s - self.low_s), since_s)
+        unseen: np.ndarray = points_m[self.seen_s[rows, columns] < needed_s]
         return unseen
 
     def count_as_seen(self, points_m: np.ndarray) -> None:
