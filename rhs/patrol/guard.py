@@ -140,8 +140,7 @@ class Guard:
         if touched or self.around.monocular:
             most_radps = self.pace.turn_step_rad * abs(came.forward_mps) / max(self.settings.back_off_m, LEAST_M)
         back = Twist(-came.forward_mps, float(np.clip(-came.turn_radps, -most_radps, most_radps)), came.duration_s)
-        behind = self.around.unseen(back, margin_m=self.settings.side_m, up_to_m=self.settings.back_off_m,
-                                    since_s=self._since_s)
+        behind = self.around.unseen(back, margin_m=0.0, up_to_m=self.settings.back_off_m, since_s=self._since_s)
         if not touched and self.moves and len(behind) >= FEW_PATCHES:
             return None  # somebody may have come up there
         walls_m = np.concatenate([walls_m, self._told_m])
@@ -242,8 +241,8 @@ class Guard:
 
     def _free_m(self, command: Twist, up_to_m: float, turned_rad: float = 0.0) -> float:
         least = SURE if self.tight and not self.moves else THING  # who walks up is first seen in one view
-        walls_m = np.concatenate([self._hidden_m, self._told_m])
-        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=walls_m, least=least, turned_rad=turned_rad)
+        return self.around.free_way_m(command, self.side_m, up_to_m, walls_m=self._told_m, hidden_m=self._hidden_m,
+                                      least=least, turned_rad=turned_rad)
 
     def _look(self) -> Twist | None:
         """A turn towards ground ahead that nobody has looked at, until all of it was in the view: what is not seen then

@@ -13,7 +13,7 @@ from rhs.estimation.scans.settings import VoteSettings
 
 from .control import ARC_STEP_M, arc
 from .ends import Ends
-from .neighbours import has_neighbour, near_any
+from .neighbours import has_neighbour, near_any, nears, width_m
 
 SIDE_M, CELL_M = 12.0, 0.05  # of the grid that goes with the robot
 KEPT_M = 2.0  # the robot stays this near its middle
@@ -29,6 +29,8 @@ HIDDEN_M = 1.0  # what is hidden further away is no matter of the next command
 MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
 TRAIL_S = 2.0  # nothing that walks on is seen for longer in one cell; other low things are kept unless they bar for long
 NEXT_M = 2 * CELL_M  # what is known to stand this near the robot's side is what it touches
+CELL_REACH_M = 0.7 * CELL_M  # from the middle of a cell to its corners
+STEPS_M = 0.15  # so near its side the robot looked before it drove up: GuardSettings.ahead_m
 BESIDE_M = 0.25  # what came and was last seen this near the robot's side is nearer than it sees: nobody saw it go
 # Something came where nothing was: so many new cells, this near, seen free so lately, no thing known within so much of them
 # (odometry, depth noise and the corners of walls move the ends of beams by a cell or two)
@@ -63,7 +65,6 @@ class Surroundings:
         self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
         self.map_m: np.ndarray | None = None  # (K, 2) what the map knows near the robot, in its body frame; None: it is lost
-        self.sees_floor = False  # the last view showed more than one height
         self.keeps_beside = True  # what is beside the robot is remembered longer
         self.monocular = False  # the last scan is of pictures that were compared: none while the robot turns on the spot
         reach = np.arange(-round(1.2 / PATCH_M), round(1.2 / PATCH_M) + 1) * PATCH_M
@@ -89,7 +90,7 @@ class Surroundings:
         scan, obstacle = observation.scan, observation.obstacle
         if scan is None and obstacle is None and motion.scan_measured:
             scan, self.monocular = motion.scan, True
-        self.sight, self.sees_floor = obstacle if obstacle is not None else scan, obstacle is not None
+        self.sight = obstacle if obstacle is not None else scan
         seen, exact = [], not self.monocular  # of two pictures no end is more so than a cell
         self.at_eye.walks = self.below.walks = np.isfinite(self.came_s)
         if scan is not None:
@@ -137,7 +138,7 @@ class Surroundings:
         low, high = np.maximum(new - reach, 0).T, np.minimum(new + reach + 1, things.shape[0]).T
         near = counted[high[0], high[1]] - counted[low[0], high[1]] - counted[high[0], low[1]] + counted[low[0], low[1]]
         came = new[near == 0]
-        if len(came) >= CAME_CELLS and _width_m(self._middles(came)) > CAME_WIDE_M:
+        if len(came) >= CAME_CELLS and width_m(self._middles(came)) > CAME_WIDE_M:
             self.moved_s = self.now_s
             self.came_s[came[:, 0], came[:, 1]] = self.now_s
             near = inflate(self.came_s == self.now_s, HIDES_M / CELL_M)
@@ -289,25 +290,27 @@ class Surroundings:
         return np.full(len(bearings_rad), self.radius_m) if self.footprint is None else self.footprint.reach_m(bearings_rad)
 
     def free_way_m(self, command: Twist, margin_m: float, up_to_m: float, *, walls_m: np.ndarray = NOTHING,
-                   least: float = THING, turned_rad: float = 0.0) -> float:
+                   hidden_m: np.ndarray = NOTHING, least: float = THING, turned_rad: float = 0.0) -> float:
         """Metres along the command's arc until the robot's side would be nearer than margin_m to a thing that it comes
-        nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; least: votes;
-        turned_rad: of a robot that turns on the spot first."""
+        nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; hidden_m (K, 2):
+        middles of cells in which something may stand, up to their corners where something moves; least: votes; turned_rad:
+        of a robot that turns on the spot first."""
         seen, (at, way) = self.things(least=least), arc(command, up_to_m)
-        things = np.concatenate([seen, walls_m])
-        margins_m = np.concatenate([margin_m + self._unsure_m(seen), np.full(len(walls_m), margin_m)])
+        things = np.concatenate([seen, walls_m, hidden_m])
+        margins_m = np.full(len(things), margin_m)
+        margins_m[:len(seen)] += self._unsure_m(seen)
+        margins_m[len(seen) + len(walls_m):] += CELL_REACH_M * self.moves
         if not len(things):
             return up_to_m
         c, s = np.cos(turned_rad), np.sin(turned_rad)
         things = things @ np.array([[c, -s], [s, c]])  # as the robot will have them before it
-        gaps = np.linalg.norm(at[:, None] - things, axis=2)
-        near = gaps < self.radius_m + margins_m
+        gaps_m = np.linalg.norm(at[:, None] - things, axis=2) - self.radius_m
         if self.footprint is None:
-            wrong = near & (gaps < np.linalg.norm(things, axis=1) - 0.01)
+            wrong = nears(gaps_m, np.linalg.norm(things, axis=1) - self.radius_m, margins_m)
         else:
             curvature = command.turn_radps / command.forward_mps if command.forward_mps else 0.0
             yaw_rad = curvature * way * (1.0 if command.forward_mps >= 0 else -1.0)
-            close = near.any(axis=0)
+            close = (gaps_m < margins_m).any(axis=0)
             wrong = self._too_near(self.footprint, things[close], np.column_stack([at, yaw_rad]), margins_m[close])
         bad = wrong.any(axis=1)
         return float(way[np.argmax(bad)] - ARC_STEP_M) if bad.any() else up_to_m
@@ -337,16 +340,15 @@ class Surroundings:
         (K,) to the thing (K, 2), and nearer than now."""
         from_m, (c, s) = things_m - stands[:, None, :2], (f(stands[:, None, 2]) for f in (np.cos, np.sin))
         turned = np.stack([from_m[..., 0] * c + from_m[..., 1] * s, from_m[..., 1] * c - from_m[..., 0] * s], axis=-1)
-        gaps = footprint.gaps_m(turned)
-        near: np.ndarray = (gaps < margin_m) & (gaps < footprint.gaps_m(things_m) - 0.01)
-        return near
+        return nears(footprint.gaps_m(turned), footprint.gaps_m(things_m), margin_m)
 
     def unseen(self, command: Twist, *, margin_m: float, up_to_m: float, since_s: float) -> np.ndarray:
-        """(K, 2) patches that the robot would pass over on the command's arc and that no view since since_s has covered, in
-        this frame. Not those within margin_m of where it stands."""
+        """(K, 2) patches that the robot would pass over on the command's arc, or within margin_m of, and that no view since
+        since_s has covered, in this frame. Not those within margin_m of where it stands."""
         at, _ = arc(command, up_to_m)
         gaps = np.linalg.norm(self._patches[:, None] - at[None, ::2], axis=2).min(axis=1)
-        ahead = self._patches[(gaps < self.radius_m) & (np.hypot(*self._patches.T) > self.radius_m + margin_m)]
+        side_m = self.radius_m + margin_m
+        ahead = self._patches[(gaps < side_m) & (np.hypot(*self._patches.T) > side_m)]
         return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
 
     def hidden(self, *, low: bool = True, within_m: float = HIDDEN_M, deep_m: float = HIDES_M,
@@ -375,13 +377,13 @@ class Surroundings:
         return things, np.isfinite(self.since_s[rows, columns])
 
     def still_unseen(self, points_m: np.ndarray, since_s: float) -> np.ndarray:
-        """Those of the points (K, 2) of this frame that no view since since_s has covered, or, where something moves, of
-        which none has shown the floor: the scan at the camera's height looks over a low box at what is hidden behind it."""
+        """Those of the points (K, 2) of this frame that no view since since_s has covered; of those beside the robot, which
+        lay ahead of it when they were looked at last, and between which and it nobody steps, none for low_s."""
         rows, columns = self._cells(points_m).T
-        unseen = self.seen_s[rows, columns] < since_s
-        if self.sees_floor and self.moved_s > -np.inf:
-            unseen |= self.floor_s[rows, columns] < self.now_s - self.remember_s
-        return points_m[unseen]
+        beside = np.hypot(*(points_m - self.pose[:2, 3]).T) < self.radius_m + STEPS_M
+        needed_s = np.where(beside, min(since_s, self.now_s - self.low_s), since_s)
+        unseen: np.ndarray = points_m[self.seen_s[rows, columns] < needed_s]
+        return unseen
 
     def count_as_seen(self, points_m: np.ndarray) -> None:
         """These points (K, 2) of this frame were looked at and cannot be seen better; but what may be the rest of something
@@ -392,9 +394,3 @@ class Surroundings:
         """(K, 2) points of this frame, in the robot's body frame."""
         body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
         return body
-
-
-def _width_m(points_m: np.ndarray) -> float:
-    """Of points (K, 2) of the body frame, across the line of sight to their middle."""
-    ahead = points_m.mean(axis=0)
-    return float(np.ptp(points_m @ np.array([-ahead[1], ahead[0]])) / max(np.hypot(*ahead), 1e-9))

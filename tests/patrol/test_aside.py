@@ -111,16 +111,6 @@ def test_a_robot_that_somebody_waits_for_goes_aside_and_then_gets_on():
     assert sentinel.book.missions[-1].status == "arrived" and world.passed
 
 
-def test_where_somebody_moves_ground_behind_a_low_box_has_not_been_seen_though_the_camera_looks_over_it():
-    watched, over = guard(), Twist(0.5, 0.0, 2.6)
-    watched.around.moved_s = 0.0
-    for index, low_m in ((1, 1.0), (2, 4.0)):
-        low = Scan(BEARINGS, low_m / np.cos(BEARINGS), 5.0)
-        watched.observe(Observation(index, 0.5 * index, CAMERA, scan=Scan(BEARINGS, WALL_M, 6.0), obstacle=low), STILL)
-        hidden = watched.around.unseen(over, margin_m=0.05, up_to_m=1.5, since_s=-np.inf)
-        assert (np.hypot(*hidden.T) > 1.1).any() == (low_m < 2.0)
-
-
 @pytest.mark.parametrize(("away_m", "known"), [(0.45, True), (1.2, False)])
 def test_who_came_close_beside_the_robot_is_not_forgotten_for_being_out_of_sight(away_m, known):
     """Somebody comes up ahead; the robot turns away for ten seconds, and nobody sees him go."""
