@@ -232,6 +232,8 @@ def _run_sweep(plan, folder: Path, limits) -> int:
         print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
         raise
     progress.close()
+    if set(+report.counts) == {"refused"}:
+        raise ConfigError(f"{report.reasons.most_common(1)[0][0]} (all {len(plan)} jobs; files: {folder})")
     try:
         print(say.of_sweep(folder))
     except Exception as error:  # the account below is printed all the same

@@ -40,8 +40,12 @@ def run_words(words: Sequence[str] | Mapping[str, Any], *, quiet: bool = False) 
 
 
 def steps_of(words: Sequence[str] | Mapping[str, Any]) -> Iterator[Step]:
-    """rhs.steps. What ends the run is raised again when its row is written."""
-    config = config_of(words)
+    """rhs.steps: words that are refused are refused now, not when the first step is asked for."""
+    return _steps(config_of(words))
+
+
+def _steps(config: RunConfig) -> Iterator[Step]:
+    """The steps of a run. What ends it is raised again when its row is written."""
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = yield from run_steps(config, claim.folder)
         claim.publish()

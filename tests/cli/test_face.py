@@ -1,5 +1,6 @@
 """The public face: what a person in a notebook types."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -83,6 +84,25 @@ def test_who_stops_a_run_stops_the_loop_over_runs(tmp_path):
     finally:
         signal.signal(signal.SIGINT, before)
     assert rhs.load_run(tmp_path / "run").row["status"] == "interrupted"
+
+
+def test_steps_of_words_that_mean_nothing_are_refused_at_once():
+    with pytest.raises(ConfigError, match="did you mean fake"):
+        rhs.steps([*CHOICE, "planner=fak"])
+
+
+def test_a_trajectory_alone_has_no_figures(tmp_path):
+    (tmp_path / "a.tum").write_text("0 0 0 0 0 0 0 1\n")
+    with pytest.raises(ConfigError, match="a.tum: expected a run folder, or two trajectories"):
+        rhs.evaluate(tmp_path / "a.tum")
+
+
+def test_what_a_run_left_behind_is_shown_in_a_line(tmp_path):
+    rhs.run([*CHOICE, f"output={tmp_path / 'run'}"], quiet=True)
+    run = rhs.load_run(tmp_path / "run")
+    assert re.fullmatch(r"OccupancyGrid\(\d+ x \d+ cells of 0.1 m from x=\S+ y=\S+, \d+% seen\)", repr(run.map))
+    assert re.fullmatch(r"Trajectory\(\d+ poses, [\d.]+ s, [\d.]+ m\)", repr(run.estimate))
+    assert "yaw_deg=-0," not in "".join(map(repr, rhs.steps([*CHOICE, f"output={tmp_path / 'again'}"])))
 
 
 def test_what_ends_the_loop_is_raised_after_its_row_is_written(tmp_path):

@@ -140,3 +140,11 @@ def test_a_file_that_stands_alone_says_what_to_write_before_it(tmp_path, capsys,
     (tmp_path / "walk.bag").write_bytes(b"#ROSBAG V2.0\n")
     assert main([*before, str(tmp_path / "walk.bag")]) == 2
     assert "for a recording write source=replay source.path= before it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("help", "worlds", "table")])
+def test_a_command_without_its_words_says_what_is_missing_as_every_complaint_begins(name, capsys):
+    assert main([name]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("rhs: ") and err.count("\n") == 1
+    assert "key=value" not in err.partition("example")[0].partition(";")[0], "which may be left out"

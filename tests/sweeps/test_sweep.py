@@ -92,6 +92,14 @@ def test_a_bad_axis_is_refused_before_the_first_job(words, says):
     assert says in str(caught.value)
 
 
+def test_a_sweep_whose_every_job_is_refused_is_refused(tmp_path, monkeypatch, capsys):
+    """A world that nobody has: as of one run, one line and exit code 2, no empty table."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["-m", "task=planning", "world=map9", "seed=0,1", "--jobs", "1"]) == 2
+    out, err = capsys.readouterr()
+    assert not out and "did you mean 'map4'? (all 2 jobs; files: " in err
+
+
 # --- running ---------------------------------------------------------------------------------------------------------
 
 

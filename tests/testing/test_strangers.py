@@ -117,6 +117,23 @@ def test_a_missing_method_or_one_with_other_arguments_is_named(kind, part, says)
     assert says in str(caught.value)
 
 
+@pytest.mark.parametrize(("kind", "said", "says"), [
+    ("odometry", {"keeps_moving": "far"}, "keeps_moving is 'far'; expected tuple[float, float] | None"),
+    ("odometry", {"short_steps": (0.1, 0.0)}, "short_steps is (0.1, 0.0); expected"),
+    ("odometry", {"scale_from": 5}, "scale_from is 5; expected str"),
+    ("source", {"views_expected": "many"}, "views_expected is 'many'; expected int | None"),
+    ("source", {"provides": "scan"}, "provides is 'scan'; expected frozenset[str] | None"),
+    ("source", {"timed": "no"}, "timed is 'no'; expected bool"),
+    ("engine", {"chunk_s": float("nan")}, "chunk_s is nan; expected float")])
+def test_what_a_part_says_of_itself_is_of_its_type(kind, said, says):
+    """Seen: keeps_moving="far" ended a run after its survey with `too many values to unpack`, naming nobody."""
+    there = {"source": {"camera": 1, "facts": 2, "lead": lambda: None}, "odometry": {"update": lambda observation: None},
+             "engine": {"width": 1, "open": lambda: None}}
+    with pytest.raises(ContractError) as caught:
+        complete(kind, SimpleNamespace(**there[kind], **said))
+    assert says in str(caught.value)
+
+
 def test_a_source_that_only_leads_is_given_the_rest():
     source = complete("source", SimpleNamespace(camera=1, facts=2, lead=lambda: None))
     assert source.truth() is None and np.isnan(source.clearance_m()[0]) and source.close() is None
