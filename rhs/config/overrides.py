@@ -210,8 +210,9 @@ def _instead(item: Override | Zip) -> str:
     """What there is where a pattern over parts met none."""
     from . import registry
 
-    chosen = not isinstance(item, Zip) and item.key_or_group in CHOICES
-    return f" (there is {', '.join(registry.names(item.key_or_group))})" if chosen else ""
+    if isinstance(item, Zip) or item.key_or_group not in CHOICES:
+        return ""
+    return f" (there is {', '.join(registry.names(item.key_or_group))})"
 
 
 class Combinations(Sequence[list["Word"]]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -25,11 +26,13 @@ from rhs.base.processes import end_unless
 from rhs.config.compose import RunConfig, to_plain
 from rhs.metrics.patrol import VISITED_M
 from rhs.recording.rerun_view import Audience, Listener, LiveView
-from rhs.recording.writer import Recorder
+from rhs.recording.writer import Recorder, bytes_a_view
 from rhs.runfolder.steps_csv import StepTable
 from rhs.worlds.maps import save_map
 from rhs.worlds.reach import reach
 
+log = logging.getLogger("rhs")
+SAID_BYTES = 10e6  # a recording that is smaller is not spoken of
 Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
 
 
@@ -118,12 +121,21 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
         if not world.moving.still:
             write_json(folder / "moving.json", moving_rows(world.moving))
     level = "full" if config.recording == "auto" else config.recording
+    if watch is not unwatched:
+        _foretell(bytes_a_view(level, parts.source.camera, parts.provides), parts.source.views_expected or 0)
     recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config),
                         timed=parts.source.timed)
     listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]
     if config.live:
         listeners.append(LiveView(config.live, parts.source.camera, facts.name))
     return RunLog(folder, StepTable(folder), Audience(listeners), watch, in_world, world if in_world else None)
+
+
+def _foretell(view_bytes: float, views: int) -> None:
+    """Say how large the recording of a survey will be, where it is large."""
+    if view_bytes * views >= SAID_BYTES:
+        log.warning("rhs: run.mcap takes about %.0f MB for the survey's %d views, and %.0f kB for each of the patrol's; "
+                    "recording=jpeg: half, recording=light: no images", views * view_bytes / 1e6, views, view_bytes / 1e3)
 
 
 def write_reach(log: RunLog, truth: np.ndarray | None) -> None:
