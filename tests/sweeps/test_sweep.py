@@ -136,3 +136,15 @@ def test_a_sweep_may_grow_but_not_change(good, monkeypatch, capfd):
     assert main([*words, "seed=range(5)", "--resume"]) == 2
     assert "was made by rhs 0.0.1" in capfd.readouterr().err
     assert main([*words, "seed=range(5)", "--resume", "--force"]) == 0
+
+
+@pytest.mark.parametrize("keep", ["all", "none"])
+def test_what_was_not_achieved_is_said_again_by_who_goes_on(tmp_path, monkeypatch, capsys, keep):
+    """Seen: exit code 3, and 0 by --resume of the same folder, with nothing done in between."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["-m", "task=planning", "world=map1", "planner=rrt", "planner.iterations=1", "seed=0,1", f"keep={keep}",
+                 "output=s", "--jobs", "1"]) == 3
+    said = capsys.readouterr().err
+    assert said.endswith(f"rhs: 2 of 2 jobs did not do all that was asked; see python -m rhs table --rows {tmp_path / 's'}\n")
+    assert main(["--resume", "s"]) == 3
+    assert capsys.readouterr().err == said
