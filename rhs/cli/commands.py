@@ -34,6 +34,7 @@ COMMANDS = {
     "help": ("rhs.cli.commands", "help KIND | settings | columns | events | statuses | kinds | commands"),
 }
 
+TOPICS = ("commands", "columns", "events", "statuses", "settings", "kinds", *PLUGIN_KINDS)
 EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
 
 
@@ -112,9 +113,8 @@ def show_help(words: Sequence[str]) -> int:
         return 0
     wanted = {"columns": "Columns", "events": "Events", "statuses": "tatus"}.get(topic)
     if wanted is None:
-        topics = ("commands", "columns", "events", "statuses", "settings", "kinds", *PLUGIN_KINDS)
-        raise ConfigError(f"help {topic}: there is no such help{nearest(topic, list(topics))} "
-                          f"(there is {', '.join(topics)})")
+        raise ConfigError(f"help {topic}: there is no such help{nearest(topic, list(TOPICS))} "
+                          f"(there is {', '.join(TOPICS)})")
     section = ""
     for title, name, meaning in lines():
         if topic != "columns" and wanted not in title:

@@ -145,6 +145,6 @@ def test_what_was_not_achieved_is_said_again_by_who_goes_on(tmp_path, monkeypatc
     assert main(["-m", "task=planning", "world=map1", "planner=rrt", "planner.iterations=1", "seed=0,1", f"keep={keep}",
                  "output=s", "--jobs", "1"]) == 3
     said = capsys.readouterr().err
-    assert said.endswith(f"rhs: 2 of 2 jobs did not do all that was asked; see python -m rhs table --rows {tmp_path / 's'}\n")
+    assert said.endswith(f"2 of 2 jobs did not do all that was asked; see python -m rhs table --rows {tmp_path / 's'}\n")
     assert main(["--resume", "s"]) == 3
     assert capsys.readouterr().err == said
