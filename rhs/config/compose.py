@@ -178,7 +178,7 @@ def from_plain(values: dict[str, Any]) -> RunConfig:
     rest = {key: value for key, value in values.items() if key not in (*names, *KINDS, SLAM, DEGRADE, TASK)}
     unknown = [key for key in rest if key not in CORE]
     if unknown:
-        raise registry.no_setting(unknown[0], values[TASK], [*CORE, *names])
+        raise registry.no_setting(unknown[0], values[TASK], [*CORE, *names, *task.kinds])
     core = settings.make(Core, rest, "")
     chosen = {kind: _choose(kind, values.get(kind)) for kind in _kinds(task, values)}
     config = RunConfig(**{key: getattr(core, key) for key in CORE}, parts=chosen,

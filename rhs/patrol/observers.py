@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from operator import methodcaller
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from rhs.recording.writer import Recorder, bytes_a_view
 from rhs.runfolder.steps_csv import StepTable
 from rhs.worlds.maps import save_map
 from rhs.worlds.reach import reach
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 log = logging.getLogger("rhs")
 SAID_BYTES = 10e6  # a recording that is smaller is not spoken of
@@ -182,12 +185,26 @@ def write_json(path: Path, value: Any) -> None:
         file.write(json.dumps(value, indent=1, default=methodcaller("tolist")) + "\n")
 
 
-def bar(steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
-    """The same steps; a bar with the phase, the place in it and the last event is drawn on stderr meanwhile."""
+def in_notebook() -> bool:
+    """Whether a person looks at this process through a notebook."""
+    if "IPython" not in sys.modules:
+        return False
+    from IPython import get_ipython  # type: ignore[import-not-found,unused-ignore]
+
+    return hasattr(get_ipython(), "kernel")
+
+
+def meter(total: int | None, *, quiet: bool = False, **how: Any) -> tqdm[NoReturn]:
+    """A bar on stderr where somebody looks at a terminal or a notebook. how: as of tqdm."""
     from tqdm import tqdm
 
-    with tqdm(total=expected, desc=f"{phase:<8}", unit="view", disable=None if sys.stderr else True, file=sys.stderr,
-              leave=True, dynamic_ncols=True, smoothing=0.1) as shown:
+    looked_at = sys.stderr is not None and (sys.stderr.isatty() or in_notebook())
+    return tqdm(total=total, disable=quiet or not looked_at, file=sys.stderr, dynamic_ncols=True, **how)
+
+
+def bar(steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
+    """The same steps; a bar with the phase, the place in it and the last event is drawn on stderr meanwhile."""
+    with meter(expected, desc=f"{phase:<8}", unit="view", smoothing=0.1) as shown:
         for step in steps:
             shown.set_postfix_str(_note(step), refresh=False)
             shown.update()

@@ -14,10 +14,12 @@ from rhs.config import registry
 from rhs.config.loose import check_in_files
 from rhs.config.overrides import parse, quoted
 from rhs.patrol.face import check_dicts, check_value, check_words, known_as
+from rhs.patrol.observers import meter
 from rhs.runfolder.folders import claim_sweep
 
 from . import running, sweep
-from .jobs import Limits, processors, task_of
+from .jobs import Limits, Outcome, processors, task_of
+from .worker import COMPILING
 
 if TYPE_CHECKING:
     import pandas
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
 PLAIN = re.compile(r"[\w./:+*-]*", re.ASCII)  # texts that need no quotes
 
 
-def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, timeout_s: float = 3600.0) -> pandas.DataFrame:
+def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, timeout_s: float = 3600.0,
+                quiet: bool = False) -> pandas.DataFrame:
     """rhs.sweep."""
     from rhs.reports.table import rows
 
@@ -37,9 +40,12 @@ def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, time
     plan = sweep.plan(typed)
     if registry.by_hand():
         check_in_files([one for job in plan.first for one in task_of(job).plugins])
-    with claim_sweep(plan.output) as claim:
+    with claim_sweep(plan.output) as claim, meter(len(plan), quiet=quiet, unit="job") as shown:
+        def tell(status: str, outcome: Outcome) -> None:
+            shown.update(status not in ("", COMPILING))
+
         sweep.remember(plan, claim.folder)
-        running.run_plan(plan, claim.folder, Limits(jobs or processors(), timeout_s), tell=lambda status, outcome: None)
+        running.run_plan(plan, claim.folder, Limits(jobs or processors(), timeout_s), tell=tell)
         return rows([claim.folder])
 
 
