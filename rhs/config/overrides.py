@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import shlex
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -31,6 +30,7 @@ GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
 MOST_READ = 2_000  # words kept as read
 FUNCTIONS = ("range", "glob", "choice", "sort", "shuffle", "int", "float", "str", "bool")  # of Hydra's grammar, of use here
+QUOTED = r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*\""""  # a text in quotes
 OPEN = "a bracket or a quote is not closed"
 PAIRS = "expected as many values for each of two keys or more, zip(world=a,b seed=1,2)"
 SAME = {"hydra.run.dir": "output", "hydra.sweep.dir": "output"}  # words of Hydra's own that mean one of ours
@@ -75,13 +75,9 @@ def parse(words: Sequence[str]) -> list[Override | Zip]:
 
 def _zip(parser: OverridesParser, word: str) -> Zip:
     """The columns of a zip, as long as one another."""
-    try:
-        inside = shlex.split(word[4:-1], posix=False) if word.endswith(")") else None
-    except ValueError:
-        inside = None
-    if inside is None:
+    if not word.endswith(")"):
         raise ConfigError(f"{word}: {OPEN}; {PAIRS}")
-    columns = tuple(_parse_one(parser, _current(text)) for text in inside)
+    columns = tuple(_parse_one(parser, _current(text)) for text in re.findall(rf"(?:{QUOTED}|\S)+", word[4:-1]))
     lengths = {column.key_or_group: _length(column) for column in columns}
     if len(lengths) < 2 or len(set(lengths.values())) > 1:
         found = " and ".join(f"{n:g} of {key}" for key, n in lengths.items()) or "no key"
@@ -151,7 +147,7 @@ def _unreadable(word: str, said: str) -> str:
         if named[1] in FUNCTIONS:
             return f"{named[1]}(...) does not take this; for example seed=range(3), planner=glob(*), seed=1,2"
         return f"there is no {named[1]}(...){nearest(named[1], [*FUNCTIONS])} (there is {', '.join(FUNCTIONS)})"
-    bare = re.sub(r"\\\\|\\['\"]|'(\\.|[^'\\])*'|\"(\\.|[^\"\\])*\"", "", word)  # without what is quoted
+    bare = re.sub(rf"\\.|{QUOTED}", "", word)
     if "'" in bare or '"' in bare or sum(map(bare.count, "([{")) != sum(map(bare.count, ")]}")):
         return OPEN
     if bare.endswith(","):

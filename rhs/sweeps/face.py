@@ -61,12 +61,15 @@ def _words(key: str, value: Any) -> Iterator[str]:
     if key not in PLUGIN_KINDS or not any(map(settings.is_record, items)):
         yield _as_typed(key, value) if isinstance(value, str) else f"{key}={_typed(value)}"
         return
-    changed = {name: now for item in items if settings.is_record(item) for name, now in _changed(key, item).items()}
-    if changed and len(items) > 1:
-        one = next(iter(changed))
-        raise ConfigError(f"{key}: objects in a list have their defaults; combine settings by {{'{key}.{one}': [...]}}")
-    yield f"{key}={','.join(known_as(key, type(item)) if settings.is_record(item) else _typed(item) for item in items)}"
-    yield from (f"{key}.{name}={_literal(now)}" for name, now in changed.items())
+    changed = list(dict.fromkeys(name for item in items if settings.is_record(item) for name in _changed(key, item)))
+    flat = [_flat(settings.plain(item)) if settings.is_record(item) else {} for item in items]
+    alike = len({type(item) for item in items}) == 1 and all(name in one for one in flat for name in changed)
+    if changed and not alike:
+        raise ConfigError(f"{key}: objects in a list are of one class with the same settings, or have their defaults; "
+                          f"combine settings by {{'{key}.{changed[0]}': [...]}}")
+    words = [f"{key}={','.join(known_as(key, type(item)) if settings.is_record(item) else _typed(item) for item in items)}"]
+    words += [f"{key}.{name}={','.join(_literal(one[name]) for one in flat)}" for name in changed]
+    yield from words if len(items) == 1 or not changed else [f"zip({' '.join(words)})"]
 
 
 def _changed(kind: str, part: Any) -> dict[str, Any]:

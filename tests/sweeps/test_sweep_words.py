@@ -43,6 +43,11 @@ def test_zip_takes_values_in_pairs_beside_other_sweeps():
         ("map1", 5, "prm"), ("map1", 5, "rrt"), ("map2", 6, "prm"), ("map2", 6, "rrt")]
 
 
+def test_quoted_texts_of_a_zip_are_taken_whole(tmp_path):
+    jobs = sweep.plan(["task=planning", "zip(world='a b','c \\' (d) e' seed=1,2)"]).jobs
+    assert [(job.config.world, job.config.seed) for job in jobs] == [("a b", 1), ("c ' (d) e", 2)]
+
+
 @pytest.mark.parametrize(("word", "says"), [
     ("zip(world=map1,map2 seed=1,2,3)", "found 2 of world and 3 of seed"), ("zip(seed=1,2)", "found 2 of seed;"),
     ("zip()", "found no key"), ("zip(seed=1,2 world=map1", "a bracket or a quote is not closed")])

@@ -260,7 +260,10 @@ def test_objects_in_a_sweep_are_words():
     words = list(_words("planner", Straight(Heuristic.ZERO, Costs(2.0), reach_m=3.0)))
     assert words == ["planner=straight", "planner.heuristic='zero'", "planner.costs.turn=2.0", "planner.reach_m=3.0"]
     assert list(_words("planner", [Straight(), "astar"])) == ["planner=straight,astar"]
-    with pytest.raises(ConfigError, match="objects in a list have their defaults"):
+    pair = [Straight(reach_m=1.0), Straight(Heuristic.ZERO)]
+    assert list(_words("planner", pair)) == [
+        "zip(planner=straight,straight planner.reach_m=1.0,5.0 planner.heuristic='octile','zero')"]
+    with pytest.raises(ConfigError, match="objects in a list are of one class"):
         list(_words("planner", [Straight(reach_m=1.0), "astar"]))
 
 
