@@ -180,8 +180,8 @@ def check_same(plan: Plan, folder: Path, before: dict[str, Any]) -> None:
     if _same_jobs(plan, folder, before):
         return
     differing = _differences(before.get("example", {}), to_plain(plan.first[0].config))
-    raise ConfigError(f"{folder} holds jobs of another configuration: {', '.join(differing[:3]) or 'other values'}; "
-                      f"take another folder or type --force")
+    those = f"of another configuration: {', '.join(differing[:3])}" if differing else "that these words do not ask for"
+    raise ConfigError(f"{folder} holds jobs {those}; take another folder or type --force")
 
 
 def _sources(plan: Plan) -> list[str]:

@@ -148,3 +148,11 @@ def test_a_command_without_its_words_says_what_is_missing_as_every_complaint_beg
     err = capsys.readouterr().err
     assert err.startswith("rhs: ") and err.count("\n") == 1
     assert "key=value" not in err.partition("example")[0].partition(";")[0], "which may be left out"
+
+
+def test_help_tells_what_one_column_or_event_means(capsys):
+    assert main(["help", "belief_ece"]) == 0 and "expected calibration error" in capsys.readouterr().out
+    assert main(["help", "arrived"]) == 0
+    assert [line for line in capsys.readouterr().out.splitlines() if line and line[0] != " "] == [
+        "Events (steps.csv, event)", "Mission statuses (missions.json)"]
+    assert main(["help", "belief_ec"]) == 2 and "did you mean belief_ece?" in capsys.readouterr().err

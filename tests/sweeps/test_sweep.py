@@ -148,3 +148,11 @@ def test_what_was_not_achieved_is_said_again_by_who_goes_on(tmp_path, monkeypatc
     assert said.endswith(f"2 of 2 jobs did not do all that was asked; see python -m rhs table --rows {tmp_path / 's'}\n")
     assert main(["--resume", "s"]) == 3
     assert capsys.readouterr().err == said
+
+
+def test_words_that_leave_out_jobs_of_a_sweep_are_refused_by_what_is_wrong(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["-m", "task=planning", "world=map1", "seed=0,1", "output=s", "--jobs", "1"]) == 0
+    capsys.readouterr()
+    assert main(["--resume", "s", "seed=0"]) == 2
+    assert "s holds jobs that these words do not ask for; take another folder or type --force" in capsys.readouterr().err
