@@ -100,6 +100,16 @@ def test_a_setting_that_nobody_can_type_is_named(hint, default, says):
         rhs.register("planner", "odd", odd)
 
 
+@pytest.mark.parametrize(("kinds", "says"), [
+    ({}, "declares no kinds"), ({"kinds": "planner"}, "declares no kinds; write .*planner"),
+    ({"kinds": ("planer",)}, "there is no kind planer; did you mean planner")])
+def test_the_kinds_of_a_task_are_a_tuple_of_kinds(kinds, says):
+    """A text in their place, `("planner")`, was said to hold no kind called a."""
+    body = {"build": Straight.build, "needs": frozenset(), "provides": frozenset()}
+    with pytest.raises(ConfigError, match=says):
+        rhs.register("task", "odd", dataclass(type("Odd", (), body | kinds)))
+
+
 def test_a_build_without_context_is_refused():
     with pytest.raises(ConfigError, match=r"has no build\(self, context\)"):
         rhs.register("planner", "odd", dataclass(type("Odd", (Straight,), {"build": lambda self: self})))
