@@ -147,6 +147,8 @@ def _unreadable(word: str, said: str) -> str:
         if named[1] in FUNCTIONS:
             return f"{named[1]}(...) does not take this; for example seed=range(3), planner=glob(*), seed=1,2"
         return f"there is no {named[1]}(...){nearest(named[1], [*FUNCTIONS])} (there is {', '.join(FUNCTIONS)})"
+    if "digits" in said:  # Python's own limit
+        return "a number has more than 4300 digits"
     bare = re.sub(rf"\\.|{QUOTED}", "", word)
     if "'" in bare or '"' in bare or sum(map(bare.count, "([{")) != sum(map(bare.count, ")]}")):
         return OPEN
