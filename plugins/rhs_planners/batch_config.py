@@ -8,6 +8,8 @@ from rhs.api.errors import within
 
 from .shared_config import TreeSettings, repeated, scaled_to
 
+FREE_SHARE, MOST_TRIES = 0.25, 100.0  # of a grid, for which 10,000 steps are enough; of the steps, where less is free
+
 
 @dataclass
 class BitStar(TreeSettings):
@@ -37,10 +39,14 @@ class Fmt(TreeSettings):
     iterations: int = within(0, 0, 10_000_000)
     """samples, also those that fall on blocked cells, and steps of the sweep together, before the budget is spent; 0:
     10,000, and while there is no path four times as many for a new batch of twice as many samples, until there were
-    three for every free cell"""
+    three for every free cell; of a grid of which less than a quarter is free as many times more as samples fall on walls"""
 
     def rounds(self, free_cells: int) -> list[int]:
         rounds = [self.iterations or 10_000]
         while not self.iterations and sum(rounds) < scaled_to(free_cells, each=3.0, least=10_000):
             rounds.append(4 * rounds[-1])
         return rounds
+
+    def tries(self, free_share: float) -> float:
+        """The sweep begins when the batch is full, which takes the longer the fewer samples fall on free cells."""
+        return 1.0 if self.iterations else min(max(1.0, FREE_SHARE / free_share), MOST_TRIES)

@@ -42,6 +42,10 @@ class TreeSettings(PlannerSettings):
     preload = ("rhs_planners.tree",)
     method: ClassVar[str]  # which of tree.py makes the planner
 
+    def tries(self, free_share: float) -> float:
+        """By how much more steps are allowed where this share of the grid is free."""
+        return 1.0
+
     def knob(self, rounds: list[int]) -> tuple[str, int]:
         """The setting that bounds the search, and the number it stands for."""
         return "iterations", sum(rounds)

@@ -38,7 +38,9 @@ class TreePlanner(CellPlanner):
         if self._version != self._ground.version:
             self._space, self._version = space_over(task.grid, self._motion), self._ground.version
         learn_ms = 1e3 * (time.process_time() - setting_up)
-        rounds = self._settings.rounds(self._ground.free_cells)
+        free = self._ground.free_cells
+        times = self._settings.tries(free / self._ground.grid.size)
+        rounds = [round(times * steps) for steps in self._settings.rounds(free)]
         raw, used, planner = self._search(task, rounds)
         information, motion = self._space
         return finish(task, raw, learn_ms=learn_ms, extras={"iterations": float(used)}, knob=self._settings.knob(rounds),

@@ -52,9 +52,7 @@ class ReplaySource(Source):
     def __init__(self, settings, folder: Path | None = None) -> None:
         """folder: of the run; relations to judge it by are copied there, for the metrics alone."""
         recording = open_recording(settings)
-        relations = _relations(settings)
-        if relations is not None and folder is not None:
-            shutil.copyfile(relations, folder / "truth.relations")
+        self._relations = _relations(settings)
         self._repaired = recording.repaired
         self._folder = folder
         self.camera = recording.camera
@@ -113,6 +111,8 @@ class ReplaySource(Source):
 
     def lead(self) -> Capture | None:
         """The next recorded view, or None at the end."""
+        if not self._begun and self._relations is not None and self._folder is not None:
+            shutil.copyfile(self._relations, self._folder / "truth.relations")
         self._begun = True  # what was refused before leaves nothing behind
         view = self._ahead.result()
         if view is None:
@@ -171,7 +171,7 @@ def open_recording(settings) -> Recording:
     if not (path.is_file() or path.is_dir()):
         raise ConfigError(f"source.path={settings.path} is a FIFO or a device; expected a file or a folder")
     try:
-        kind = settings.format if settings.format != "auto" else _format_of(path)
+        kind = settings.format if settings.format != "auto" else format_of(path)
         _check_used(kind, settings)
         if kind in FORMATS:
             return FORMATS[kind][1](path, settings)
@@ -198,7 +198,7 @@ USED_BY = {
     "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
                                             "clouds", "carmen"),
-    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",),
+    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "views_late_s": ("bag",),
 }
 
 
@@ -220,7 +220,7 @@ def _facts(settings, provides: frozenset[str]) -> WorldFacts:
                       bounds_known=settings.extent_m > 0.0)
 
 
-def _format_of(path: Path) -> str:
+def format_of(path: Path) -> str:
     return next((name for name, (fits, _) in FORMATS.items() if fits(path)), "unknown")
 
 
@@ -266,7 +266,7 @@ def _found(path: Path) -> str:
                 "-start_number 0 rgb/%06d.png")
     if video is not None:
         return f"found a video; type source.path={video}"
-    inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and _format_of(p) != "unknown"
+    inner = [p for p in (*sorted(path.iterdir()), *sorted(path.glob("*/*"))) if p.is_dir() and format_of(p) != "unknown"
              and not NO_VIEWS.search(str(p.relative_to(path)).lower())]
     if inner:
         best = min(inner, key=lambda p: (LENSED.search(str(p.relative_to(path))) is not None, is_clouds(p)))

@@ -90,6 +90,9 @@ class Replay(PartSettings):
     deskew: bool = True
     """Put right the scans of a bag's laser whose beams go round while the robot turns, by the wheels, where the scans show
     that they do; clouds of a lidar: odometry.deskew."""
+    views_late_s: float = within(0.0, -60.0, 60.0)
+    """The views of a bag were taken so much earlier than their stamps say, seconds, as where a driver stamps them on
+    arrival: wheels and true poses are looked up for then. What turns say of it is the column views_late_s."""
     extent_m: float = 0.0
     """Half the side of the square to map round the start, metres; a recording does not say how large its world is. 0: 10 m,
     with a lidar 200 m, and as much more as is seen."""
@@ -109,6 +112,12 @@ class Replay(PartSettings):
         check_depth_camera(self.depth_camera)
         if not isinstance(self.camera, str):
             _check_intrinsics(self.camera)
+
+    def suited_sensor(self) -> str:
+        """The sensor of this recording, where it has no colour with depth; empty: the default one."""
+        from .replay_sensor import suited_sensor
+
+        return suited_sensor(self)
 
     def build(self, context: SourceContext) -> Source:
         from .replay import ReplaySource

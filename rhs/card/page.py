@@ -52,9 +52,16 @@ def page_of(card: Card) -> str:
         settings=yaml.safe_dump(content["settings"], sort_keys=False), versions=content["versions"])
 
 
+def _broke_at(one: dict[str, Any]) -> str:
+    """At which level of a dial; of a part that is never right without it nothing is left to break."""
+    if not one["undegraded"] > 0.0:
+        return "never right"
+    return "holds" if one["breaks_at"] is None else short(one["breaks_at"])
+
+
 def _breaks(content: dict[str, Any]) -> dict[str, Any]:
     return {"names": ["dial", "breaks at", "levels", "what is left", "undegraded"],
-            "rows": [[one["dial"], "holds" if one["breaks_at"] is None else short(one["breaks_at"]),
+            "rows": [[one["dial"], _broke_at(one),
                       ", ".join(f"{level:g}" for level in one["levels"]),
                       ", ".join(f"{score:.2f}" for score in one["scores"]), f"{one['undegraded']:.2f}"]
                      for one in content.get("breaks", [])]}

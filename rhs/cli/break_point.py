@@ -51,22 +51,15 @@ def count(account: dict[str, Any]) -> str:
 
 def _searched(plan: Any, folder: Path, limits: Any, runs: int) -> list[dict[str, Any]]:
     """The search under one progress bar."""
-    from tqdm import tqdm
-
     from rhs.metrics.threshold import in_words
     from rhs.sweeps import break_point
-    from rhs.sweeps.worker import COMPILING
 
-    from .one_run import COMPILES
+    from .progress import running
 
-    with tqdm(total=runs * len(plan.searches), unit="run", disable=None, dynamic_ncols=True) as shown:
-        def tell(job: Any, status: str) -> None:
-            if status == COMPILING:
-                tqdm.write(COMPILES, file=sys.stderr)
-                return
-            shown.set_postfix_str(in_words(plan.searches[0].known.summary(), plan.dial), refresh=False)
-            shown.update()
+    def found() -> str:
+        return in_words(plan.searches[0].known.summary(), plan.dial)
 
+    with running(runs * len(plan.searches), unit="run", found=found) as tell:
         return break_point.run_plan(plan, folder, limits, runs=runs, tell=tell)
 
 

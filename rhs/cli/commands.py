@@ -106,8 +106,14 @@ def show_help(words: Sequence[str]) -> int:
         return 0
     if topic == "kinds":
         return _kinds()
-    from .help_text import KINDS, settings_text
+    from rhs.config import registry
 
+    from .help_text import KINDS, help_text, settings_text
+
+    parts = [f"{kind}={topic}" for kind in KINDS if topic in registry.names(kind)]
+    if parts and topic not in (*PLUGIN_KINDS, "settings"):
+        sys.stdout.write(help_text(parts) + "\n")
+        return 0
     if topic == "settings" or topic in PLUGIN_KINDS:
         sys.stdout.write(settings_text(KINDS if topic == "settings" else [topic]) + "\n")
         return 0
@@ -115,14 +121,14 @@ def show_help(words: Sequence[str]) -> int:
     told = [line for line in lines() if (line[1] == topic if wanted is None else wanted in line[0])]
     if not told:
         raise ConfigError(f"help {topic}: there is no such help{nearest(topic, [*TOPICS, *(line[1] for line in lines())])} "
-                          f"(there is {', '.join(TOPICS)})")
+                          f"(there is {', '.join(TOPICS)}, and the name of each part)")
     section = ""
     for title, name, meaning in told:
         if title != section:
             sys.stdout.write(f"{'' if not section else chr(10)}{title}\n")
             section = title
         for number, line in enumerate(textwrap.wrap(meaning, 82) or [""]):
-            sys.stdout.write(f"  {name if number == 0 else '':<32}{line}\n")
+            sys.stdout.write(f"  {name if number == 0 else '':<32} {line}\n")
     return 0
 
 

@@ -97,5 +97,5 @@ def _doubted(matched_share: float, tolerance_s: float, *ways: Trajectory) -> int
 
 
 def _lines(values: Mapping[str, object]) -> str:
-    return "".join(f"{name:<28}{value:.6g}\n" if isinstance(value, float) else f"{name:<28}{value}\n"
+    return "".join(f"{name:<33}{value:.6g}\n" if isinstance(value, float) else f"{name:<33}{value}\n"
                    for name, value in values.items())

@@ -53,7 +53,8 @@ def main(words: Sequence[str]) -> int:
         raise ConfigError("gate: expected one folder of runs and a change: python -m rhs gate FOLDER planner=my_planner")
     pairs = _pairs(Path(folders[0]), change, chosen.pairs)
     measure = chosen.measure or MEASURES.get(str(pairs[0][0].get("task")), "ate_rmse_m")
-    _check_measure(measure, [row for row, _ in pairs], folders[0])
+    if chosen.measure or any(rank(row) == 2 for row, _ in pairs):  # else successes are all that there is to compare
+        _check_measure(measure, [row for row, _ in pairs], folders[0])
     column = columns().get(measure)
     more_is_better = column is not None and column.more_is_better
     within = limits(chosen)
@@ -112,17 +113,16 @@ def _check_measure(measure: str, old: Sequence[Row], folder: str) -> None:
 def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
               margin: float, more_is_better: bool = False) -> tuple[Verdict, list[str]]:
     """Run new jobs until a look settles it, or there are no more; and what is to be said of them."""
-    from tqdm import tqdm
-
     from rhs.reports.gate import error_parts, judge, looks
     from rhs.sweeps.kept import broken_off, kept_rows
 
+    from .progress import running
+
     planned, done = looks(len(pairs)), 0
     new: list[Row] = []
-    with tqdm(total=len(pairs), unit="pair", disable=None) as shown:
+    with running(len(pairs), unit="pair") as tell:
         for until, level in zip(planned, error_parts(planned), strict=True):
-            new += kept_rows([job for _, job in pairs[done:until]], folder, limits,
-                             tell=lambda job, status: shown.update() and None)
+            new += kept_rows([job for _, job in pairs[done:until]], folder, limits, tell=tell)
             done = until
             old = [row for row, _ in pairs[:done]]
             ranks = [(rank(a), rank(b)) for a, b in zip(old, new, strict=True)]
@@ -160,6 +160,8 @@ def in_words(found: Verdict, measure: str, margin: float) -> str:
     text = f"{measure} {100 * found.change:+.3g} % {between}"
     if found.pairs < 4:
         text = f"{measure} is known in {found.pairs} pairs"
+    if found.pairs == found.lost == found.won == 0:
+        text = "no old and no new run did what it was asked for, nothing can be compared"
     more = f"; about {found.needed} pairs would settle it" if found.needed else ""
     if found.word in ("no worse", "better"):
         more = f"; what strikes fewer than {100 * found.unseen:.0f} % of runs may not have shown"

@@ -16,7 +16,7 @@ from .streams import streams_kept
 if TYPE_CHECKING:
     from rhs.config.compose import RunConfig
 
-COMPILES = "compiling inner loops, once for this installation: 10 to 60 s"
+COMPILES = "compiling inner loops that no run needed before: 10 to 60 s"
 
 
 class Terminated(KeyboardInterrupt):

@@ -74,15 +74,20 @@ def of_drawn(drawn: Sequence[object]) -> list[str]:
 
 
 def of_blame(row: dict[str, Any]) -> str:
-    """The shares of task=blame as a table, links down, measures across, and the sentence."""
+    """The shares of task=blame as a table, measures down, links across, how far they may be off, and the sentence."""
     from rhs.metrics.blame import LINKS, MEASURES, column
 
-    lines = [f"{'cost of':<14}" + "".join(f"{what + (f', {unit}' if unit else ''):>40}" for unit, what in MEASURES.values())]
-    for link in (*LINKS, "rest"):
-        values = [row.get(column(measure, link)) for measure in MEASURES]
-        if any(isinstance(value, float) and value == value for value in values):
-            cells = "".join(f"{value:>40.3g}" if isinstance(value, float) else f"{'':>40}" for value in values)
-            lines.append(f"{link:<14}{cells}")
+    def share(measure: str, link: str) -> str:
+        value = row.get(column(measure, link))
+        return f"{value:.3g}" if isinstance(value, float) and value == value else ""
+
+    links = [link for link in (*LINKS, "rest") if any(share(measure, link) for measure in MEASURES)]
+    lines = [f"{'cost of':<38}" + "".join(f"{link:>10}" for link in links)]
+    lines += [f"{what + (f', {unit}' if unit else ''):<38}" + "".join(f"{share(measure, link):>10}" for link in links)
+              for measure, (unit, what) in MEASURES.items()]
+    off_by, measure = row.get("blame_off_by"), str(row.get("blame_measure") or "")
+    if measure and isinstance(off_by, float) and off_by > 0.0:
+        lines.append(f"({MEASURES[measure][1]}: each may be off by {off_by:.2g})")
     return "\n".join([*lines, str(row["blame"])])
 
 

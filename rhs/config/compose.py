@@ -107,7 +107,7 @@ class Composer:
     def config(self, words: Sequence[Any]) -> RunConfig:
         """The checked configuration for these words (rhs.config.overrides)."""
         from . import hydra_glue
-        from .overrides import is_of_sweep
+        from .overrides import Word, is_of_sweep
 
         if any(word.key.startswith(f"{DEGRADE}.") for word in words):
             from .degraded import with_owners
@@ -128,9 +128,17 @@ class Composer:
             config.presets = " ".join(f"{kind}={choice}" for kind, choice in tree.choices.items()
                                       if kind in KINDS and kind in config.parts and choice != config.parts[kind].name)
             _check_of_use(config, words)
+            if not {"sensor", "stack", "experiment"} & {word.key for word in options} and (sensor := _suited(config)):
+                return self.config([*words, Word("sensor", sensor, f"sensor={sensor}")])
             return config
         except ConfigError as error:
             raise hydra_glue.located(error, tree, words) from error
+
+
+def _suited(config: RunConfig) -> str:
+    """The sensor that a recording asks for where nobody chose one and the default has no use for what it holds."""
+    suited = getattr(config.parts["source"].settings, "suited_sensor", None) if "sensor" in config.parts else None
+    return suited() if suited is not None else ""
 
 
 def _check_names(values: dict[str, Any], choices: dict[str, str | None]) -> None:

@@ -117,6 +117,9 @@ def _on_path(path: tuple[str, ...]) -> dict[str, dict[str, list[EntryPoint]]]:
             same = found.setdefault(group, {}).setdefault(point.name, [])
             if all((p.value, _distribution(p)) != (point.value, _distribution(point)) for p in same):
                 same.append(point)
+    if "rhs.task" not in found:  # run from a checkout beside whose libraries nobody installed it
+        raise PluginError("rhs is not installed for this Python, so it has no parts; "
+                          f"type: {Path(sys.executable).name} -m pip install -e {Path(__file__).parents[2]}")
     return found
 
 

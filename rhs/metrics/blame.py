@@ -105,7 +105,8 @@ def verdict(shares: Mapping[str, Mapping[str, float]], losses: Mapping[str, Loss
     """One sentence: which link cost how much of what was lost, whose truth adds to it instead, and from which view on the
     robot was somewhere else."""
     missed = losses["places"][frozenset()]
-    said = f"of {missed:.0f} missed places " if missed > 0 else "every place was visited; " if missed == 0 else ""
+    places = f"of {missed:.0f} missed place{'s' * (missed != 1)} "
+    said = places if missed > 0 else "every place was visited; " if missed == 0 else ""
     if not measure:
         return said + _nothing_saved(shares, losses, missed) + _off(since)
     unit, what = MEASURES[measure]

@@ -16,6 +16,7 @@ from rhs.api.metric import RunFiles, columns_of
 from rhs.api.statuses import BeliefStatus
 
 from .patrol import arrived_elsewhere, patrol_steps
+from .success import late_views
 
 Step = Mapping[str, str]
 OF_EVENT = {"no_plan": "plan: no path", "blocked": "something unknown on the path", "stopped": "no room ahead",
@@ -54,6 +55,8 @@ def cause(run: RunFiles) -> str:
     said = [words for step in of_mission(patrol, failed) for link, words in complaints(step) if link in ESTIMATORS]
     if set(said) <= {OF_THE_MAP}:
         sequence = said_in(survey) + sequence
+    if late := late_views(run.json("closure") or {}):
+        sequence.insert(0, f"in the survey, {late}")
     return f"{what}; " + (", then ".join(sequence[:MOST_WORDS]) if sequence else "no part complained before")
 
 

@@ -24,7 +24,8 @@ def localise_values(run: RunFiles) -> Values:
     begun = searches(beliefs, beliefs.started | beliefs.kidnapped, FOUND_WITHIN_M)
     metres = np.array([one.metres for one in begun if np.isfinite(one.metres)])
     tracking = beliefs.sure
-    misfit = (run.json("localise") or {}).get("map_misfit_m")
+    noted = run.json("localise") or {}
+    misfit = noted.get("map_misfit_m")
     return {
         "localise_steps": len(steps),
         "localise_way_m": float(np.linalg.norm(np.diff(beliefs.xy_m, axis=0), axis=1).sum()) if len(beliefs.xy_m) else NAN,
@@ -40,6 +41,7 @@ def localise_values(run: RunFiles) -> Values:
         "localise_rmse_rad": rmse(beliefs.wrong_rad[tracking]) if tracking.any() else NAN,
         "motion_ok_share": share(steps, "motion_status", "ok"),
         "map_misfit_m": NAN if misfit is None else float(misfit),
+        "map_size_ratio": float(noted.get("map_size_ratio", NAN)),
     }
 
 
@@ -64,6 +66,9 @@ LOCALISE = columns_of(
     ("map_misfit_m", "m",
      "distortion of the map: the trajectory of its survey against the truth aligned with it, root mean square. The belief "
      "is judged by the truth distorted in the same way",
+     "localise.json"),
+    ("map_size_ratio", "",
+     "how far apart the map has what the odometry has one metre apart, while tracking; 1 where it is off by less than 3 %",
      "localise.json"),
     tasks=("localise",), counts=("localise_steps", "starts"),
     more_is_better=("found_share", "belief_right_share", "motion_ok_share"),

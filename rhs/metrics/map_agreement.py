@@ -50,7 +50,7 @@ def contradiction_values(run: RunFiles) -> dict[str, float | int | str]:
     """What the map says against itself, before and after closing, how sure its way is; from when it was closed."""
     known = run.json("closure") or {}
     said = {**known.get("details", {}), **known}
-    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m", *WHEELS)}
+    return {name: float(said.get(name, float("nan"))) for name in (*CONTRADICTIONS, "way_sigma_m", *WHEELS, "views_late_s")}
 
 
 def mount_values(run: RunFiles) -> dict[str, float | int | str]:
@@ -76,6 +76,9 @@ MAP = columns_of(
      "way that the wheels of a recording told of over what the camera saw, median of the views that go straight",
      "rhs.patrol.gate"),
     ("wheel_turn_ratio", "", "the same of turns", "rhs.patrol.gate"),
+    ("views_late_s", "s",
+     "by which the views of a survey are stamped later than the turns that the wheels told of; 0 where they agree as far as "
+     "can be told", "rhs.estimation.filters.time_offset"),
 ) + columns_of(
     mount_values,
     ("mount_roll_off_deg", "deg",

@@ -4,7 +4,8 @@ Planning: a path was found and the judge holds it valid. Patrol: every place was
 a robot of its size may get to, as things then stood. Survey or recording: at least
 half of the views arrived, the odometry tracked at least half of these, and the map of a laser neither contradicts itself nor
 is unsure of its way; unrolling: at least half of the strips were registered.
-Localise: a laser that sits as was told, found after nine of ten starts, wrong and sure in 1 % of the views at most.
+Localise: a laser that sits as was told, a map as large as the building, found after nine of ten starts, wrong and sure in
+1 % of the views at most.
 A run that was asked for nothing (single places queried, a figure only) neither succeeded nor failed.
 """
 
@@ -39,7 +40,7 @@ def success_of(row: Mapping[str, object]) -> tuple[float, str]:
     views, lost = _number(row, "views"), _number(row, "views_lost")
     if lost > HALF * (views + lost):
         return 0.0, f"{lost:.0f} of {views + lost:.0f} views never arrived"
-    if wrong := mount_fault(row) or ("" if vision_led(row) else wheel_fault(row)):
+    if wrong := mount_fault(row) or ("" if vision_led(row) else wheel_fault(row) or late_views(row)):
         return 0.0, wrong
     if _number(row, "map_inconsistency") > CONTRADICTED:
         return 0.0, f"the map reads wrong: beams look through {_number(row, 'map_inconsistency'):.0%} of its walls"
@@ -76,6 +77,16 @@ def wheel_fault(row: Mapping[str, object]) -> str:
     return ""
 
 
+def late_views(row: Mapping[str, object]) -> str:
+    """How much later the views are stamped than the wheels' readings, and what to type; empty where they are not."""
+    late_s = _number(row, "views_late_s")
+    if math.isnan(late_s) or late_s == 0.0:
+        return ""
+    side = "after" if late_s > 0.0 else "before"
+    return (f"by their turns the views come {abs(late_s):.2g} s {side} the wheels' readings "
+            f"(of a bag: source.views_late_s={late_s:.2g} puts it right)")
+
+
 def vision_led(row: Mapping[str, object]) -> bool:
     """Whether the way is the camera's alone, and the wheels for sure what is wrong: they turn by another share than it saw,
     which no scale of depth explains, and not the other way round, as those beside a camera that hangs upside down."""
@@ -101,6 +112,9 @@ def _localised(row: Mapping[str, object]) -> tuple[float, str]:
     is lost most of the time, else unknown."""
     if fault := mount_fault(row):
         return 0.0, fault
+    if _known(row, "map_size_ratio") and _number(row, "map_size_ratio") != 1.0:
+        return 0.0, (f"the map is {_number(row, 'map_size_ratio'):.3f} times as large as what the odometry measures: is the "
+                     "resolution in its yaml right?")
     if not _known(row, "found_share"):
         lost = _number(row, "belief_lost_share")
         return (0.0, f"lost in {lost:.0%} of the views") if lost > HALF else (NAN, "")

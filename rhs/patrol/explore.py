@@ -26,7 +26,7 @@ from rhs.estimation.scans.settings import MatchSettings, VoteSettings
 from rhs.estimation.survey import FURNITURE, FURNITURE_VOTES
 
 from .control import turns
-from .frontiers import Frontiers
+from .frontiers import Frontiers, Look
 from .loop import Decision, steps
 from .mission import MissionSettings, turning
 from .observers import write_json
@@ -68,7 +68,8 @@ class Explorer(Sentinel):
         self.mapper, self.explore = parts.mapper, settings.advanced.explore
         grid = self.mapper.grid()
         self.low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())
-        self.tried, self.stood = np.zeros(grid.shape, bool), np.zeros(grid.shape, bool)
+        self.looks: list[Look] = []  # in vain
+        self.stood = np.zeros(grid.shape, bool)
         self.inside = _within(grid, facts.bounds_m)
         self.matcher: ScanMatcher | None = None
         self.views_in_all = 0
@@ -175,7 +176,7 @@ class Explorer(Sentinel):
         return f"coverage: {known:.3f} of the bounds known" if known >= self.explore.coverage < 1.0 else ""
 
     def _frontiers(self) -> Frontiers:
-        return Frontiers(self._drawn(), self.radius_m + self.settings.margin_m, self.tried, self.explore)
+        return Frontiers(self._drawn(), self.radius_m + self.settings.margin_m, self.looks, self.explore)
 
     def _drawn(self) -> OccupancyGrid:
         """The map so far, with what stands below the camera, what was touched, and where the robot has been."""
@@ -229,7 +230,7 @@ class Explorer(Sentinel):
         if self.book.missions[-1].place == HOME and status is not MissionStatus.ARRIVED:
             self.stop += f"; home not reached: {reason}"
         elif not self.stop and (self.faced or status is not MissionStatus.ARRIVED):
-            self.tried |= self._frontiers().looked_at(goal_m, self.facing_rad)
+            self.looks.append(Look(goal_m, self._frontiers().looked_at(goal_m, self.facing_rad)))
         super()._finish(status, reason, events)
 
 

@@ -9,6 +9,7 @@ is a position and a heading; the weight is a ratio.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ from rhs.worlds.clearance import ways_m
 RAYS = 72  # every five degrees
 STRIDE_M = 0.3  # between the places that are weighed
 AT_ONCE = 64  # places whose rays are cast together
+AGAIN_M = 1.0  # nearer to where it was looked at in vain a frontier is not looked at again
+MOST_LOOKS = 3  # in vain, after which nobody will see what is behind a frontier
 
 
 @dataclass(frozen=True)
@@ -61,23 +64,33 @@ class Viewpoint:
     gain_m2: float
 
 
-class Frontiers:
-    """What a map leaves to be seen by a robot that needs need_m round its middle. tried (H, W) bool: frontiers looked at in
-    vain."""
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A look in vain: where from (2,), and seen (H, W) bool: the frontiers that were in view. From elsewhere they may show
+    what is behind them: past the post of a door the eye goes along the edge of what it sees."""
 
-    def __init__(self, grid: OccupancyGrid, need_m: float, tried: np.ndarray, settings: ExploreSettings) -> None:
+    at_m: np.ndarray
+    seen: np.ndarray
+
+
+class Frontiers:
+    """What a map leaves to be seen by a robot that needs need_m round its middle, after looks in vain."""
+
+    def __init__(self, grid: OccupancyGrid, need_m: float, looks: Sequence[Look], settings: ExploreSettings) -> None:
         from scipy.ndimage import binary_dilation, label
 
-        self.grid, self.settings = grid, settings
+        self.grid, self.looks, self.settings = grid, looks, settings
         free, self.unknown = grid.free(), np.isnan(grid.probability)
         growth = need_m / grid.resolution_m
         self.open_ = ~configuration_space(~free, growth)
-        passable = ~configuration_space(~(free | self.unknown), growth)  # if the unknown turns out free
+        # if the unknown turns out free, and the walls are a cell further apart than they were drawn from afar
+        passable = ~configuration_space(~(free | self.unknown), max(0.0, growth - 1.0))
         self.wall = ~(free | self.unknown)
-        frontier = free & binary_dilation(self.unknown) & passable & ~tried
-        regions, _ = label(frontier, structure=np.ones((3, 3)))
-        sizes = np.bincount(regions.ravel())
-        self.frontier = frontier & (sizes[regions] * grid.resolution_m >= settings.frontier_m)
+        tried = np.sum([np.zeros(grid.shape, int), *(look.seen for look in looks)], axis=0) >= MOST_LOOKS
+        edge = free & binary_dilation(self.unknown) & ~tried
+        regions, _ = label(edge, structure=np.ones((3, 3)))
+        sizes = np.bincount(regions.ravel())  # of a doorway the robot's middle may fit through a cell or two alone
+        self.frontier = edge & passable & (sizes[regions] * grid.resolution_m >= settings.frontier_m)
         self.crossing = binary_dilation(self.frontier, structure=np.ones((3, 3)))
 
     def best(self, pose: np.ndarray) -> Viewpoint | None:
@@ -152,6 +165,9 @@ class Frontiers:
         new = self.unknown[at] & clear
         first = np.argmax(new, axis=2)[..., None]
         entered = np.take_along_axis(new & self.crossing[at], first, axis=2)
-        area = (new * entered * reach).sum(axis=2) * resolution_m**2 * 2.0 * np.pi / RAYS
         entry = np.stack([np.take_along_axis(index, first, axis=2)[..., 0] for index in at], axis=-1)
+        for look in self.looks:
+            near = np.linalg.norm(self.grid.centres(cells) - look.at_m, axis=1) < AGAIN_M
+            entered[near] &= ~look.seen[tuple(np.moveaxis(entry[near], -1, 0))][..., None]
+        area = (new * entered * reach).sum(axis=2) * resolution_m**2 * 2.0 * np.pi / RAYS
         return area, np.where(entered, entry, -1)

@@ -26,6 +26,7 @@ from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 from rhs.api.validate import check_motion
 from rhs.api.validate_fields import MOST_REASON
 from rhs.estimation.filters.kalman import gate as chi_square
+from rhs.estimation.filters.time_offset import time_offset_s
 from rhs.estimation.views.motion_consistency import scan_share
 
 from .tasks import Gate
@@ -55,6 +56,7 @@ class GatedOdometry:
         self._contradicted = 0
         self._replaced = 0
         self._ratios = {"wheel_way_ratio": array("d"), "wheel_turn_ratio": array("d")}  # of wheels over vision, by view
+        self._turns = array("d")  # of each view: stamp, turn as vision was sure of it, turn of the wheels; NaN: unknown
         self._scan: Scan | None = None  # of the view before
         self._now: Scan | None = None
 
@@ -65,6 +67,8 @@ class GatedOdometry:
         self._stamp_s = observation.stamp_s
         self._intervals_s.append(elapsed_s)
         self._scan, self._now = self._now, observation.scan
+        seen = planar(said.previous_from_body)[2] if said.status is Tracking.OK else np.nan
+        self._turns.extend((observation.stamp_s, seen, np.nan if observation.wheel is None else observation.wheel[2]))
         if not np.isfinite(elapsed_s):  # the first view: nothing moved
             self._intervals_s.clear()
             return said
@@ -88,6 +92,10 @@ class GatedOdometry:
     def wheel_figures(self) -> dict[str, float]:
         """Way and turn that wheels told of over what vision saw where it was sure, medians; nothing of too few views."""
         return {name: float(np.median(each)) for name, each in self._ratios.items() if len(each) >= COMPARED_LEAST}
+
+    def views_late_s(self) -> float:
+        """How much later the views are stamped than the wheels' readings, seconds; NaN where too little was turned."""
+        return time_offset_s(*np.asarray(self._turns).reshape(-1, 3).T) if self._timed else float("nan")
 
     def _compare(self, seen: np.ndarray, told: np.ndarray) -> None:
         """Note how much further wheels went, or turned, than vision, where that is more than noise: (3,) dx, dy, dyaw."""

@@ -26,7 +26,7 @@ from rhs.estimation.survey import ViewCollector
 from rhs.estimation.views.camera_fit import contradictions_of, fit_camera
 from rhs.estimation.views.features import features
 from rhs.estimation.views.settings import CameraFitSettings
-from rhs.metrics.success import wheel_fault
+from rhs.metrics.success import late_views, wheel_fault
 from rhs.worlds.maps import save_map
 from rhs.worlds.world_checks import walk_fault
 from rhs.worlds.world_moving import walkers
@@ -162,13 +162,15 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
     if walls:
         write_json(log.folder / "walls.json", surveying.wall_rows(surveying.carried(walls, revised, closure)))
     figures = {"closing_ms": closing_ms, **contradictions(revised, views)}
+    if isinstance(parts.odometry, GatedOdometry):
+        figures["views_late_s"] = parts.odometry.views_late_s()
     if "driving" not in parts.provides:  # a simulator knows where its laser sits
         figures |= mount_figures(scans_around(views) or (), collected.wheels)
         figures |= heading_figures(closure.poses, collected.wheels)
         if turned := heading_doubt(figures):
             logger.warning("%s", turned)
         figures |= parts.odometry.wheel_figures() if isinstance(parts.odometry, GatedOdometry) else {}
-        if fault := wheel_fault(figures):
+        if fault := wheel_fault(figures) or late_views(figures):
             logger.warning("%s", fault)
     elif blind := saw_nothing(views, parts):
         logger.warning("%s", blind)

@@ -114,8 +114,8 @@ def draw_lines(axes: Axes, folder: Path) -> None:
     simulated = (folder / "true_map.yaml").exists()
     how = "none" if simulated else str((json_of(folder / "row.json") or {}).get("ate_alignment") or "none")
     note = "" if how == "none" else f" ({how} aligned)"
-    loops = any(edge.get("accepted") for edge in (json_of(folder / "closure.json") or {}).get("edges", ()))
-    closed = "survey, loop closed" if loops else "survey, corrected without a loop"
+    loops = sum(bool(edge.get("accepted")) for edge in (json_of(folder / "closure.json") or {}).get("edges", ()))
+    closed = f"survey, {loops} loop{'s' * (loops > 1)} closed" if loops else "survey, corrected without a loop"
     settled = "corrected" if (folder / "corrected.tum").exists() else "estimate"
     styles = (("truth_survey", settled, f"survey, true{note}", COLOURS["truth"], 1.4, "-"),
               ("estimate", "", "survey, as believed", COLOURS["estimate"], 1.2, "-"),

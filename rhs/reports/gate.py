@@ -4,7 +4,8 @@ The measure is compared by the logarithm of its ratio, new over old, pair by pai
 its part of the error: the parts add up to 5 %, which holds whenever one stops, and grow with the square of the pairs, as the
 bounds of O'Brien and Fleming (1979) do: early looks are for large differences. A loss is called worse where it is sure and
 seems to be above the margin, so that one which is allowed seldom is. Lost successes are counted apart, by the exact test of
-McNemar on the pairs that differ. What strikes few runs need not show in few pairs, whatever these say: how few is told.
+McNemar on the pairs that differ; where no pair has the measure, won ones are too. What strikes few runs need not show in few
+pairs, whatever these say: how few is told.
 """
 
 from __future__ import annotations
@@ -76,11 +77,12 @@ def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, 
     if n >= LEAST_PAIRS:
         half = float(t.ppf(1.0 - level / 2.0, n - 1) * ratio.std(ddof=1) / math.sqrt(n))
     low, high = (middle - half, middle + half) if n else (-math.inf, math.inf)
-    fewer = lost + gained > 0 and binomtest(lost, lost + gained, 0.5, alternative="greater").pvalue < level
+    differ = lost + gained
+    fewer, more = (differ > 0 and binomtest(k, differ, 0.5, alternative="greater").pvalue < level for k in (lost, gained))
     needed, allowed = 0, -math.log(max(1.0 - margin, 1e-9)) if more_is_better else math.log1p(margin)
     if fewer or (low > 0.0 and middle > allowed):
         word = "worse"
-    elif high < 0.0 and lost <= gained:
+    elif (high < 0.0 and lost <= gained) or (n == 0 and more):
         word = "better"
     elif high <= allowed and lost <= gained:
         word = "no worse"
@@ -89,6 +91,7 @@ def judge(old: Sequence[float], new: Sequence[float], won: Sequence[tuple[bool, 
         room = allowed - middle if middle < allowed else middle
         whole = len(won)
         needed = whole + 1 if half is math.inf or room <= 0 else max(whole + 1, math.ceil(whole * (half / room) ** 2))
+        needed = 0 if n == differ == 0 else needed  # both fail in all: no number of such pairs would
     change, *ends = (math.expm1(min(worse * value, 50.0)) for value in (middle, low, high))
     least, most = sorted(ends)
     return Verdict(word, change, least, most, n, lost, gained, needed, 1.0 - level ** (1.0 / len(won)))

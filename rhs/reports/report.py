@@ -1,7 +1,7 @@
 """Pictures and pages of runs, from the files of their folders alone. `python -m rhs.report FOLDER` makes them again.
 
 overview.png: one run at a glance. report.html: one file that needs no other. For a folder of many runs, report.html
-shows bars per group, the worst runs and the table instead.
+shows bars per group, the ways over one another, the worst runs and the table instead.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from .drawing import draw_run, json_of, title, unit_of
 from .patrol_story import patrol_story
 from .summary import notes_of
 from .video import video
+from .ways import ways
 
 if TYPE_CHECKING:
     import pandas
@@ -127,7 +128,7 @@ def html(folder: Path) -> Path:
 
 
 def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
-    """report.html of a folder of runs: bars per group, the summary, pictures of the worst runs, and a line for each.
+    """report.html of a folder of runs: bars per group, their ways over one another, the summary, the worst, and every run.
 
     A row.json that cannot be read is reported into `unreadable` and on the page; without that list it raises RhsError."""
     from .observations import judged
@@ -142,6 +143,7 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
     scored, summary = judged(table), summarise(table)
     charts = [figure for name in shown(scored) if (figure := bars(scored, name, group)) is not None]
     shown_worst = [(Path(run), why, _picture(Path(run))) for run, why in worst(table)]
+    charts += [figure for figure in [ways(table, group)] if figure is not None]
     runs = listing(table, [])
     runs["run"] = [Path(name).relative_to(folder).as_posix() for name in runs["run"]]
     page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summary),

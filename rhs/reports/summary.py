@@ -16,6 +16,7 @@ import numpy as np
 from rhs.base.commands import aligned, plain
 from rhs.base.errors import ConfigError
 from rhs.config.dictionary import added
+from rhs.metrics.blame import LINKS, column
 from rhs.runfolder.row import CHOICES, KEYS
 
 from .intervals import legend, mean_text, median_text, share_text
@@ -28,13 +29,19 @@ if TYPE_CHECKING:
 SHOWN = ("places_visited", "collisions", "ate_rmse_m", "rpe_trans_m", "end_error_m", "tracked_share", "map_agreement",
          "path_length_m", "kidnap_recovered_share", "kidnap_wrong_sure_share",
          "plan_length_m", "plan_above_optimum_pct", "spl", "par2_ms", "odometry_ms", "real_time_factor")
+SHOWN_OF = {  # of these tasks others
+    "blame": ("places_visited", *(column("places", link) for link in (*LINKS, "rest"))),
+    "localise": ("found_share", "found_m", "belief_right_share", "belief_sure_share", "belief_wrong_sure_share",
+                 "belief_ece", "belief_lost_share", "localise_rmse_m", "map_size_ratio", "localise_ms", "real_time_factor")}
 SCORES = ("success", "spl", "par2_ms", "bucket")
 
 
 def shown(table: pandas.DataFrame) -> list[str]:
     """The columns that say most, and those that other people's plugins have added, as far as anything stands in them."""
     strange = [name for name in added(table.columns) if not is_setting(name) and name not in SCORES]
-    return [name for name in (*SHOWN, *strange) if name in table.columns and table[name].notna().any()]
+    tasks = set(table["task"].dropna()) if "task" in table.columns else set()
+    most = SHOWN_OF.get(tasks.pop(), SHOWN) if len(tasks) == 1 else SHOWN
+    return [name for name in (*most, *strange) if name in table.columns and table[name].notna().any()]
 
 
 def summarise(table: pandas.DataFrame, *, group: Sequence[str] = (), columns: Sequence[str] = (),

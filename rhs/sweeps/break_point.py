@@ -111,7 +111,7 @@ def _is_whole(config: RunConfig, key: str) -> bool:
     return isinstance(value, int)
 
 
-def run_plan(found: Plan, folder: Path, limits: Limits, *, runs: int, tell: Callable[[Job, str], None],
+def run_plan(found: Plan, folder: Path, limits: Limits, *, runs: int, tell: Callable[[Job | str, str], None],
              ) -> list[dict[str, Any]]:
     """`runs` runs for each combination, so many at a time as there are processes; the account of each."""
     at_once = max(1, math.ceil(limits.jobs / len(found.searches)))

@@ -22,17 +22,17 @@ MISSING = "missing"  # the status of a run that left no row
 Row = dict[str, Any]
 
 
-def kept_rows(jobs: Sequence[Job], folder: Path, limits: Limits, *, tell: Callable[[Job, str], None], keep: str = "all",
-              ) -> list[Row]:
+def kept_rows(jobs: Sequence[Job], folder: Path, limits: Limits, *, tell: Callable[[Job | str, str], None],
+              keep: str = "all") -> list[Row]:
     """The row of each job, in their order; run are those that have none in the folder yet. A job that left no row has the
-    status `missing`. tell(job, status): after each, those that were there already first. keep: whose folders stay; of the
-    others the rows do, in shards."""
+    status `missing`. tell(job, status): after each; of those that were there already, first and by name. keep: whose
+    folders stay; of the others the rows do, in shards."""
     lines = read_lines(shards(folder), []) if keep != "all" else {}
     outcomes = {job.name: ended(job, folder, lines.get(words_key(job.words))) for job in jobs}
     found = {name: row for name, row in outcomes.items() if row is not None}
     for job in jobs:
         if job.name in found:
-            tell(job, str(found[job.name]["status"]))
+            tell(job.name, str(found[job.name]["status"]))
     todo = list({job.name: job for job in jobs if job.name not in found}.values())
     keeper = Keeper(folder, keep)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from rhs.api.errors import ConfigError
@@ -40,6 +42,20 @@ def test_the_rows_of_a_planner_are_the_same_again_whatever_it_took(monkeypatch, 
     page = bench.page({"prm": ForkResult(first)}, len(first), command="bench", made_at="abc")
     assert f"| prm | 1 | 0 | {bench.scores(ForkResult(first), len(first))['above_par2_pct']:.4g} |" in page
     assert bench.hash_of(first) in page and "commit abc" in page
+
+
+PUBLISHED = (Path(__file__).parents[2] / "results" / "bench" / "planning-v1.csv").read_text().splitlines()[1:]
+SLOW = {"bit_star": 12, "fmt": 3, "informed_rrt_star": 30, "rrt_star": 30}  # of these each so many-th question
+
+
+@pytest.mark.parametrize("name", sorted({line.split(",")[0] for line in PUBLISHED}))
+def test_the_published_table_is_what_the_planners_answer_now(name, tmp_path):
+    """Whoever changes a planner makes its rows again: python -m rhs bench planning-v1 --mine planner=NAME --only."""
+    settings, seed = registry.load("planner", name)(), bench.SEEDS[0]
+    asked = bench.frozen_questions()[:: SLOW.get(name, 1)]
+    found = [bench.row_of(name, one, seed, bench.ask(settings, one, tmp_path, seed=seed)).cells for one in asked]
+    told = {tuple(line.split(",")[:3]): line for line in PUBLISHED}
+    assert [",".join(row) for row in found] == [told[row[:3]] for row in found]
 
 
 def test_the_command_makes_a_table_of_mine_alone(monkeypatch, tmp_path, capsys):

@@ -13,7 +13,7 @@ import pytest
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, se2
 from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
-from rhs.card import laps, localisers, odometries, planners
+from rhs.card import laps, localisers, odometries, page, planners
 from rhs.card.card import card_of, verdict
 from rhs.card.forked import ForkResult
 from rhs.card.laps import Seen
@@ -91,6 +91,8 @@ def test_a_dial_breaks_where_less_than_half_is_left():
     levels = (None, ("a", 1.0, 0.5), ("b", 1.0, 0.9), ("a", 2.0, 0.39), ("b", 2.0, 0.5), ("a", 3.0, 0.0))
     rows = laps.breaks_at([SimpleNamespace(level=level) for level in levels], 0.8)
     assert [row["breaks_at"] for row in rows] == [2.0, None]
+    told = page._breaks({"breaks": rows + laps.breaks_at([SimpleNamespace(level=("c", 1.0, 0.0))], 0.0)})
+    assert [row[1] for row in told["rows"]] == ["2", "holds", "never right"]
 
 
 @dataclass

@@ -5,7 +5,10 @@ import pytest
 from rhs.api.settings import plain
 from rhs.base.errors import ConfigError
 from rhs.cli.blame import config_of
+from rhs.cli.main import main
+from rhs.cli.say import of_blame
 from rhs.config.compose import compose_config, write_config
+from rhs.config.dictionary import columns
 
 
 @pytest.fixture
@@ -34,3 +37,20 @@ def test_what_is_no_patrol_is_refused(tmp_path, run):
     write_config(compose_config(["task=planning", "world=map1"]), run)
     with pytest.raises(ConfigError, match="takes patrols apart"):
         config_of([str(run)])
+
+
+def test_the_shares_fit_a_terminal_and_say_how_far_they_may_be_off():
+    row = {"blame": "of 1 missed place map cost 1", "blame_measure": "places", "blame_off_by": 0.125}
+    for link in ("odometry", "closing", "map", "localise", "rest"):
+        row |= {f"blame_{measure}_{link}": 0.25 for measure in ("places", "belief", "ate", "way", "time")}
+    first, places, *_, off_by, said = of_blame(row).splitlines()
+    assert first.split() == ["cost", "of", "odometry", "closing", "map", "localise", "rest"]
+    assert places.split() == ["places", "missed", *5 * ["0.25"]] and said == row["blame"]
+    assert off_by == "(places missed: each may be off by 0.12)"
+    assert max(map(len, of_blame(row).splitlines())) <= 110
+
+
+def test_every_column_stands_apart_from_its_meaning(capsys):
+    assert main(["help", "columns"]) == 0
+    told = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("  ") and line.split()}
+    assert set(columns()) <= told

@@ -110,6 +110,19 @@ def test_a_way_through_a_wall_has_no_length():
     assert math.isnan(measured(row | {"status": "failed"}, "ate_rmse_m")) and measured(row, "plan_optimal_m") == 2.0
 
 
+@pytest.mark.parametrize(("change", "code", "says"), [
+    (["planner=theta_star"], 0, "better: plan_length_m is known in 0 pairs; successes lost 0, won 9; what strikes"),
+    (["planner.iterations=2"], 3, "needs more runs: no old and no new run did what it was asked for, nothing can "
+                                  "be compared; successes lost 0, won 0\n")])
+def test_a_baseline_that_never_succeeds_is_compared_by_successes(tmp_path, capsys, change, code, says):
+    old = tmp_path / "old"
+    assert main(["-m", "task=planning", "world=map1", "planner=rrt", "planner.iterations=1", "seed=range(9)",
+                 f"output={old}"]) == 3
+    capsys.readouterr()
+    assert main(["gate", str(old), *change, f"output={tmp_path / 'new'}"]) == code
+    assert capsys.readouterr().out.startswith(says)
+
+
 def test_two_that_break_off_alike_are_called_worse_or_better_in_one_of_twenty():
     """One in five runs of either breaks off, by chance."""
     rng, words = np.random.default_rng(3), []

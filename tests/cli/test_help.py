@@ -120,6 +120,12 @@ def test_help_of_every_kind_lists_its_parts(capsys):
     assert "tracked_share" in settings_text(["metric"])
 
 
+def test_help_of_a_part_is_that_part_in_full_whatever_its_kind(capsys):
+    assert command(["help", "localise"])() == 0
+    assert "task=localise" in (said := capsys.readouterr().out) and "kidnap_every_m=0.0" in said
+    assert command(["help", "none"])() == 0 and "loop_closer=none" in capsys.readouterr().out
+
+
 def test_help_of_what_there_is_not_says_what_there_is(capsys):
     with pytest.raises(ConfigError, match=r"help planers: .*; did you mean planner\? \(there is commands, columns, "):
         command(["help", "planers"])()

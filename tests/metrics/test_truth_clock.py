@@ -79,6 +79,6 @@ def test_the_figures_stay_and_the_command_says_what_to_do(tmp_path, capsys):
         write_tum(tmp_path / name, way)
     assert main([str(tmp_path / "estimate"), str(tmp_path / "late")]) == 3
     out, err = capsys.readouterr()
-    assert f"ate_rmse_m                  {figures['ate_rmse_m']:.6g}" in out
+    assert f"{'ate_rmse_m':<33}{figures['ate_rmse_m']:.6g}" in out
     assert "0.50 s late" in err and "subtract that from the stamps of the truth" in err and len(err.splitlines()) == 1
     assert main([str(tmp_path / "estimate"), str(tmp_path / "truth")]) == 0 and not capsys.readouterr().err

@@ -12,7 +12,7 @@ from rhs.api.records import Path, PlanReason
 from rhs.cli.main import main
 from rhs.metrics.explore import explored_share, floor_within_reach
 from rhs.patrol.explore import PLANAR, Explorer, measured_anew, summary
-from rhs.patrol.frontiers import ExploreSettings, Frontiers
+from rhs.patrol.frontiers import ExploreSettings, Frontiers, Look
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionAdvanced, MissionSettings
 from rhs_mappers.occupancy import OccupancyMapper
@@ -125,21 +125,31 @@ def test_places_of_the_patrol_are_looked_round_at_before_home():
     assert len(there) >= 30, "once round in steps of 12 degrees"
 
 
-def test_ground_behind_an_opening_counts_and_a_crack_does_not():
-    """A room of 3 m by 3 m, known; beyond its right wall nobody was. A gap of 1.2 m is a frontier, 0.2 m is none."""
-    for gap, expected in ((12, True), (2, False)):
-        probability = np.full((50, 80), np.nan, np.float32)
-        probability[9:41, 9:41] = 0.95
-        probability[10:40, 10:40] = 0.05
-        probability[25 - gap // 2:25 + gap // 2, 40] = 0.05
-        grid = OccupancyGrid(probability, 0.1, (0.0, 0.0))
-        frontiers = Frontiers(grid, 0.4, np.zeros(grid.shape, bool), ExploreSettings())
-        view = frontiers.best(np.array([2.5, 2.5, 0.0]))
-        assert (view is not None) == expected
-        if view is not None:
-            assert abs(view.facing_rad) < 0.6 and 0.3 < view.gain_m2 < np.pi * 4.0**2 * 50 / 360
-            looked = frontiers.looked_at(view.at_m, view.facing_rad)
-            assert Frontiers(grid, 0.4, looked, ExploreSettings()).best(np.array([2.5, 2.5, 0.0])) is None
+def room_with_a_gap(cells: int) -> OccupancyGrid:
+    """A room of 3 m by 3 m, known; beyond the gap in its right wall, of so many cells of 0.1 m, nobody was."""
+    probability = np.full((50, 80), np.nan, np.float32)
+    probability[9:41, 9:41] = 0.95
+    probability[10:40, 10:40] = 0.05
+    probability[25 - cells // 2:25 + cells // 2, 40] = 0.05
+    return OccupancyGrid(probability, 0.1, (0.0, 0.0))
+
+
+@pytest.mark.parametrize(("cells", "goes"), [(12, True), (8, True), (2, False)])
+def test_ground_behind_an_opening_counts_and_a_crack_does_not(cells, goes):
+    """Through a doorway of 0.8 m a disc of 0.35 m fits along one line of cells."""
+    view = Frontiers(room_with_a_gap(cells), 0.35, (), ExploreSettings()).best(np.array([2.5, 2.5, 0.0]))
+    assert (view is not None) == goes
+    if view is not None:
+        assert abs(view.facing_rad) < 0.8 and 0.3 < view.gain_m2 < np.pi * 4.0**2 * 50 / 360
+
+
+def test_a_frontier_looked_at_in_vain_is_looked_at_from_elsewhere_and_three_times_at_most():
+    grid, looks, at = room_with_a_gap(12), [], np.array([2.5, 2.5, 0.0])
+    while (view := Frontiers(grid, 0.4, looks, ExploreSettings()).best(at)) is not None:
+        assert all(np.linalg.norm(view.at_m - look.at_m) >= 1.0 for look in looks)
+        looks.append(Look(view.at_m, Frontiers(grid, 0.4, looks, ExploreSettings()).looked_at(view.at_m, view.facing_rad)))
+    assert 2 <= len(looks) <= 3 * 3
+    assert np.sum([look.seen for look in looks], axis=0).max() <= 3
 
 
 def test_what_a_body_can_stand_over_is_what_counts_as_floor():

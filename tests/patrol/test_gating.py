@@ -234,3 +234,16 @@ def test_few_views_say_nothing_of_the_wheels() -> None:
     for index in range(5):
         part.update(Observation(index, 5.0 + 0.1 * index, CAMERA, wheel=np.array([25.0, 0.0, 0.0])))
     assert part.wheel_figures() == {}
+
+
+@pytest.mark.parametrize(("late", "timed", "said_of"), [(3, True, 0.3), (0, True, 0.0), (3, False, np.nan)])
+def test_views_that_come_after_the_wheels_are_known_by_their_turns(late: int, timed: bool, said_of: float) -> None:
+    """A camera whose views are stamped `late` views after they were taken; not of a source that nobody timed."""
+    yaws = 0.1 * np.sin(0.3 * np.arange(103))
+    part = GatedOdometry(Told(*[said(0.1, 0.0, yaw) for yaw in yaws[3 - late:103 - late]]), Gate(), timed=timed)
+    part.update(Observation(0, 5.0, CAMERA))
+    for index, yaw in enumerate(yaws[3:], 1):
+        part.update(Observation(index, 5.0 + 0.1 * index, CAMERA, wheel=np.array([0.1, 0.0, yaw])))
+    assert part.views_late_s() == pytest.approx(said_of, abs=0.02, nan_ok=True)
+    fault = success_of({"status": "ok", "tracked_share": 1.0, "views_late_s": part.views_late_s()})[1]
+    assert ("source.views_late_s=0.3 " in fault) == (said_of > 0.0)

@@ -44,6 +44,17 @@ def test_budgets_grow_with_the_free_cells_and_typed_numbers_stay(name):
     assert sum(typed.rounds(200_000)) == 4000
 
 
+@pytest.mark.parametrize("free_m", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("name", [*SAMPLING, "prm"])
+def test_a_way_is_found_where_little_of_the_grid_is_free(name, free_m):
+    """A robot that begins to explore knows a corridor of 5 m in a plan of 20 x 20 m: 0.6 to 4 % of it are free."""
+    blocked = np.ones((400, 400), bool)
+    blocked[100:100 + round(free_m / 0.05), 200:300] = False
+    for seed in range(5):
+        path = planner(name, seed).plan(problem(blocked, (205.5, 105.5), (295.5, 104.5)))
+        assert path.found, (seed, path.reason)
+
+
 @pytest.mark.parametrize("name", [*SAMPLING, "prm"])
 def test_a_goal_without_a_way_is_given_up_after_the_first_round(name):
     """300 x 300 cells, cut in two: a flood fill says so, and the scaled budget is not spent on it."""

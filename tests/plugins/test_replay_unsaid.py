@@ -144,7 +144,7 @@ def test_a_line_in_the_middle_of_a_log_that_is_not_whole_is_left_out(tmp_path):
     lines[7] = lines[7][:20] + "\n"
     (tmp_path / "walk.log").write_text("".join(lines))
     recording = open_recording(Replay(path=str(tmp_path / "walk.log")))
-    assert len(list(recording.views)) == 29 and "1 lines are not whole, the first: walk.log:8" in recording.lost[0]
+    assert len(list(recording.views)) == 29 and "1 line is not whole, the first: walk.log:8" in recording.lost[0]
     (tmp_path / "walk.log").write_text("".join(lines[5:15]))  # one of nine is no slip of the pen
     with pytest.raises(ConfigError, match="walk.log:3"):
         open_recording(Replay(path=str(tmp_path / "walk.log")))

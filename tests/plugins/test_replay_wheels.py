@@ -56,3 +56,17 @@ def test_wheels_that_only_tf_tells_of_are_read(tmp_path, kind, caplog):
     assert "wheel" in recording.provides and "odom -> base_link of tf" in caplog.text
     assert "wheel" not in opened(bag.path, wheel_topic="none").provides
     assert "wheel" not in opened(bag.path, truth_frame="odom").provides  # the truth is not for estimators
+
+
+def test_views_that_were_taken_earlier_than_stamped_get_the_wheels_of_then(tmp_path):
+    """Scans stamped 0.3 s after they were taken, 20 readings of the wheels a second, faster and faster."""
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(40):
+            stamp = 1.0 + 0.05 * k
+            bag.odometry("/odom", stamp, (stamp - 1.0) ** 2, 0.0, 0.0)
+            if k % 2 == 0 and k >= 6:
+                bag.scan("/scan", stamp, [2.0, 3.0, 4.0])
+    recording = list(opened(bag.path, views_late_s=0.3).views)
+    assert [capture.stamp_s for capture, _ in recording] == pytest.approx([1.0 + 0.1 * k for k in range(17)])
+    assert [float(capture.travel[0]) for capture, _ in recording[1:]] == pytest.approx(
+        [(0.1 * k) ** 2 - (0.1 * k - 0.1) ** 2 for k in range(1, 17)])

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 from laser_rooms import box, drive, observed, true_wheels, views_of
 
 from rhs.api.records import Motion, Tracking
@@ -82,6 +83,10 @@ def test_along_a_corridor_without_ends_the_way_is_unsure():
     step_m = 0.02 + 0.1 * 0.45  # key scans are every third of 0.15 m
     expected_m = step_m * np.sqrt(0.5 * 60.0 / 0.45)  # a random walk, rms along the way
     assert 0.7 * expected_m < closure.details["way_sigma_m"] < 1.4 * expected_m
+    along_m, across_m = np.sqrt(closure.covariances[:, [0, 1], [0, 1]]).T
+    said = np.isfinite(along_m)
+    assert said[0] and 50 <= said.sum() <= 61 and np.all(np.diff(along_m[said]) > 0.0)
+    assert along_m[said][-1] == pytest.approx(step_m * np.sqrt(60.0 / 0.45), rel=0.3) and np.all(across_m[said] < 0.5)
 
 
 def test_where_no_place_is_seen_twice_nothing_is_said_and_nothing_moves_far():

@@ -122,6 +122,34 @@ def test_the_report_of_a_sweep_shows_its_worst_runs(run, tmp_path):
     assert len(worst(rows([tmp_path]), most=2)) == 2
 
 
+def test_the_ways_of_a_sweep_lie_over_one_another_and_over_the_truth(tmp_path):
+    """Two odometries on one recording, each in a frame of its own; a third run is of another and has nobody beside it."""
+    from rhs.api.geometry import se2
+    from rhs.api.trajectory import Trajectory, write_tum
+    from rhs.reports.table import some_rows
+    from rhs.reports.ways import ways
+
+    stamps = np.arange(20.0)
+    way = np.stack([se2(0.1 * k, 0.05 * k * k / 20, 0.0) for k in range(20)])
+    for name, world, move in (("orb", "hall", se2(3.0, 1.0, 0.5)), ("gicp", "hall", se2(-2.0, 0.0, -1.0)),
+                              ("wheel", "yard", se2(0.0, 0.0, 0.0))):
+        (folder := tmp_path / name).mkdir()
+        write_tum(folder / "estimate.tum", Trajectory(stamps, se2(9.0, 0.0, 0.0) @ way))
+        write_tum(folder / "corrected.tum", Trajectory(stamps, move @ way))
+        write_tum(folder / "truth_survey.tum", Trajectory(stamps, se2(40.0, 0.0, np.pi / 2) @ way))
+        write_row(folder, {"status": "ok", "reason": "", "task": "survey", "world": world, "odometry": name, "seed": 0,
+                           "ate_alignment": "se3", "ate_rmse_m": 0.1})
+    panel, = ways(some_rows([tmp_path], []), ["world", "odometry"]).axes
+    lines = {line.get_label(): np.column_stack(line.get_data()) for line in panel.get_lines()}
+    assert set(lines) == {"true", "orb", "gicp"} and panel.get_title() == "hall"
+    for name in ("orb", "gicp"):
+        np.testing.assert_allclose(lines[name], lines["true"], atol=1e-6)
+    charts = sweep(tmp_path).read_text().count("data:image/png")
+    shutil.rmtree(tmp_path / "gicp")
+    assert ways(some_rows([tmp_path], []), ["world", "odometry"]) is None
+    assert sweep(tmp_path).read_text().count("data:image/png") == charts - 1
+
+
 def test_the_command(run, tmp_path, capsys):
     copy = shutil.copytree(run, tmp_path / "copy")
     assert main([str(copy)]) == 0 and "report.html" in capsys.readouterr().out
@@ -157,7 +185,8 @@ def test_a_truth_in_a_frame_of_its_own_is_laid_onto_the_belief_and_the_empty_map
 
 @pytest.mark.parametrize(("edges", "label"), [([], "survey, corrected without a loop"),
                                               ([{"accepted": False}], "survey, corrected without a loop"),
-                                              ([{"accepted": True}], "survey, loop closed")])
+                                              ([{"accepted": True}], "survey, 1 loop closed"),
+                                              (2 * [{"accepted": True}], "survey, 2 loops closed")])
 def test_the_truth_lies_where_the_corrected_way_is_and_a_loop_is_named_where_one_was(tmp_path, edges, label):
     """The map is drawn of the corrected way and the ATE is of it, so the truth is laid onto that, not onto the belief."""
     from matplotlib.figure import Figure

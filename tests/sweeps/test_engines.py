@@ -258,6 +258,19 @@ def test_progress_off_a_terminal_is_a_line_now_and_then():
     assert "1 ok, 1 failed, 3 workers (1 x failed: too dark)" in out.getvalue()
 
 
+def test_what_ended_before_we_began_says_nothing_of_the_rate():
+    out, outcome = io.StringIO(), Outcome()
+    progress = Progress(1000, unit="run", found=lambda: "half fail at 3", out=out)
+    for number in range(900):
+        outcome.count(str(number), "ok", "")
+        progress.tell("ok", outcome, known=True)
+    line = progress.line(outcome, progress.began + 1)
+    assert line == "900 of 1000 runs, 0 a second, no run back yet; 900 ok, half fail at 3"
+    outcome.count("900", "ok", "")
+    progress.tell("ok", outcome)
+    assert "901 of 1000 runs, 0.1 a second, 16 min left" in progress.line(outcome, progress.began + 10)
+
+
 # --- for real -------------------------------------------------------------------------------------------------------
 
 

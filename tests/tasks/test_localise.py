@@ -19,6 +19,7 @@ from rhs.metrics.calibration import Beliefs, searches
 from rhs.metrics.success import success_of
 from rhs.worlds.maps import save_map
 from rhs_tasks.localise.given_map import GivenMap, paired, read_given
+from rhs_tasks.localise.map_size import map_size_ratio, size_doubt
 from rhs_tasks.localise.settings import Localise, checked_start
 from rhs_tasks.localise.task import CarriedOff
 
@@ -167,6 +168,39 @@ def test_success_asks_for_nine_of_ten_starts_and_one_percent():
     assert success_of(row) == (1.0, "")
     assert success_of(row | {"found_share": 0.8})[0] == 0.0 and "80%" in success_of(row | {"found_share": 0.8})[1]
     assert "wrong and sure" in success_of(row | {"belief_wrong_sure_share": 0.02})[1]
+
+
+def driven(scale=1.0, sigma_m=0.0, count=300):
+    """Beliefs and motions of an arc of 0.1 m steps in a map that is larger by a scale, followed from the second view on."""
+    rng = np.random.default_rng(0)
+    motions = [np.eye(4), *([se2(0.1, 0.0, 0.02)] * (count - 1))]
+    beliefs, pose = [], np.eye(4)
+    for motion in motions:
+        pose = pose @ motion
+        believed = pose.copy()
+        believed[:2, 3] = scale * pose[:2, 3] + sigma_m * rng.standard_normal(2)
+        beliefs.append(believed)
+    return beliefs, motions, [False, *([True] * (count - 1))]
+
+
+def test_a_map_whose_cells_are_larger_than_was_told_is_said():
+    assert map_size_ratio(*driven(1.06, 0.03)) == pytest.approx(1.06, abs=0.01)
+    assert map_size_ratio(*driven(0.9)) == pytest.approx(0.9)
+    assert map_size_ratio(*driven(1.02)) == 1.0 and map_size_ratio(*driven(1.0, 0.05)) == 1.0
+    assert np.isnan(map_size_ratio(*driven(1.06, count=150)))  # seven stretches of 2 m
+    beliefs, motions, follows = driven()
+    for k in range(10, 300, 10):  # carried off by 5 m again and again, or lost between: no way of anybody
+        beliefs[k:] = [se2(5.0, 0.0, 0.0) @ one for one in beliefs[k:]]
+        follows[k] = False
+    assert np.isnan(map_size_ratio(beliefs, motions, follows))
+    said = size_doubt(1.06, 0.053)
+    assert "1.060 times as large" in said and "resolution: 0.05 in its yaml" in said and size_doubt(1.0, 0.05) == ""
+
+
+def test_a_drive_in_a_map_of_another_size_has_failed_whoever_is_sure():
+    row = {"status": "ok", "task": "localise", "belief_lost_share": 0.0, "map_size_ratio": 1.06}
+    assert success_of(row)[0] == 0.0 and "1.060 times as large" in success_of(row)[1]
+    assert np.isnan(success_of(row | {"map_size_ratio": 1.0})[0]) and np.isnan(success_of(row | {"map_size_ratio": None})[0])
 
 
 def test_starts_are_checked():

@@ -14,6 +14,7 @@ import numpy as np
 from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.scans.planar_poses import between, composed, flat, lifted
 
+from ..pose_graph import EXACT
 from .config import ScanGraph, Windows
 from .graph import Graph
 from .keys import Keys, key_scans, odometry_edges
@@ -35,13 +36,17 @@ class ScanGraphCloser:
             return Closure(given)
         believed = flat(given)[keys.view]
         graph, refused, details = self._closed(keys, believed)
+        asked, spread = graph.spread()
+        details["way_sigma_m"] = float(np.sqrt(np.trace(spread[:, :2, :2], axis1=1, axis2=2).mean()))
+        unsure = np.full((len(views), 6, 6), np.nan)
+        unsure[0], unsure[keys.view[asked]] = EXACT * np.eye(6), spread
         poses = refit(graph, tuple(views), self._settings.advanced.refinement)
         first = flat(given[:1])[0]
         moved = composed(np.tile(first, (len(poses), 1)), between(np.tile(poses[0], (len(poses), 1)), poses))
         out = lifted(moved)
         out[:, 2, 3], out[0] = given[:, 2, 3], given[0]
         edges = tuple(self._named(find, keys) for find in [*graph.loops, *refused])
-        return Closure(out, edges, details)
+        return Closure(out, edges, details, unsure)
 
     def _closed(self, keys: Keys, believed: np.ndarray) -> tuple[Graph, list[Find], dict[str, float]]:
         """The graph whose map contradicts itself least, the loops it refused, and figures."""
@@ -59,8 +64,7 @@ class ScanGraphCloser:
                 break
             windows = self._wider(windows)
         assert best is not None
-        return best[0], best[1], {"key_scans": len(keys), "inconsistency": best[2], "wider_searches": wider,
-                                  "way_sigma_m": best[0].way_sigma_m()}
+        return best[0], best[1], {"key_scans": len(keys), "inconsistency": best[2], "wider_searches": wider}
 
     def _wider(self, windows: Windows) -> Windows:
         by = self._settings.wider

@@ -43,8 +43,7 @@ def open_bag(path: Path, settings) -> Recording:
     """The views of a bag: paired colour and depth, or scans when there are no images."""
     reader = opened(path)
     try:
-        counted = any(info.msgcount for info in reader.topics.values())  # recorders list topics that they never heard
-        found = {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
+        found = _found(reader)
         topics = choose_topics(found, settings, str(path), _encodings(reader, found))
         if topics.depth and not settings.depth_scale:
             settings = replace(settings, depth_scale=realsense.depth_scale(reader, topics.depth))
@@ -67,6 +66,9 @@ def open_bag(path: Path, settings) -> Recording:
     lost: list[str] = []
     stop = settings.start + settings.count * settings.stride if settings.count else None
     found_views = _views(reader, topics, settings, (camera, placed), counts, lost)
+    if settings.views_late_s:
+        found_views = ((capture and replace(capture, stamp_s=capture.stamp_s - settings.views_late_s), reading)
+                       for capture, reading in found_views)
     with_wheels = beside_wheels(found_views, waits="wheel" in topics.provide(), for_s=abs(turning.span_s), made=turning.seen)
     views = islice(with_wheels, settings.start, stop, settings.stride)
 
@@ -84,6 +86,28 @@ def open_bag(path: Path, settings) -> Recording:
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
     return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)
+
+
+def held_in_bag(path: Path, settings) -> frozenset[str]:
+    """What the views of a bag may hold, whichever of its sensors makes them, in the words of a part's needs."""
+    reader = opened(path)
+    try:
+        found = _found(reader)
+        encodings = _encodings(reader, found)
+    finally:
+        reader.close()
+    held: frozenset[str] = frozenset()
+    typed = settings.color_topic or settings.depth_topic
+    for views in (settings.views,) if typed else (settings.views, "scans", "clouds"):
+        with suppress(ConfigError):
+            held |= choose_topics(found, replace(settings, views=views), str(path), encodings).provide()
+    return held
+
+
+def _found(reader) -> dict[str, str]:
+    """Topic -> type, but for those that the recorder listed and never heard."""
+    counted = any(info.msgcount for info in reader.topics.values())
+    return {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
 
 
 def _encodings(reader, found: dict[str, str]) -> dict[str, str]:

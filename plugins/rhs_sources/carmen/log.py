@@ -171,7 +171,7 @@ def _read(path: Path, settings) -> Log:
     if broken:
         if len(broken) > MOST_BROKEN * len(readings):
             raise broken[0]
-        cut.append(f"{len(broken)} lines are not whole, the first: {broken[0]}")
+        cut.append(f"{len(broken)} line{'s are' if len(broken) > 1 else ' is'} not whole, the first: {broken[0]}")
     check_unit([one.ranges_m for one in readings], str(path))
     most_m = end_of_range([one.ranges_m[(one.ranges_m > 0.0) & (one.ranges_m < one.max_m)] for one in readings])
     readings = [one._replace(max_m=min(one.max_m, most_m)) for one in readings]

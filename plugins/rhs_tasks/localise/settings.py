@@ -58,5 +58,6 @@ def checked_start(start: Any) -> Any:
     except (TypeError, ValueError):
         numbers = []
     if len(numbers) != 3 or not all(map(isfinite, numbers)):
-        raise ConfigError(f"start={start}: expected unknown, or [x_m,y_m,yaw_deg], for example start=[1.0,2.0,90]")
+        raise ConfigError(f"start={start}: expected unknown, or [x_m,y_m,yaw_deg], for example start=[1.0,2.0,90]; to be "
+                          "carried off on the way: kidnap_every_m=10")
     return numbers

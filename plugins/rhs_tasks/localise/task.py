@@ -20,17 +20,19 @@ from rhs.api.contracts import Source
 from rhs.api.errors import ConfigError, RhsError
 from rhs.api.files import replacing
 from rhs.api.geometry import se2
-from rhs.api.records import Belief, BeliefStatus, Capture, Event, Scan, Step
+from rhs.api.records import Belief, BeliefStatus, Capture, Event, Scan, Step, Tracking
 from rhs.api.task import StepJob, TaskContext
 from rhs.api.validate import check_belief, reach_of
 from rhs.estimation.scans.mount_fit import heading_doubt, heading_figures, mount_figures
 from rhs.worlds.maps import save_map
 
 from .given_map import read_given, surveyed
+from .map_size import map_size_ratio, size_doubt
 from .settings import Localise
 
 log = logging.getLogger("rhs.localise")
 PHASE = "localise"
+MEASURES = frozenset({"scan", "depth", "cloud", "right_image"})  # what metres are seen by: wheels may count others
 
 
 class LocaliseJob(StepJob):
@@ -54,6 +56,9 @@ class LocaliseJob(StepJob):
         self.wheels: list[np.ndarray | None] = []
         self.poses: list[np.ndarray] = []  # map_from_body (4, 4) as believed, and whether it was sure of that
         self.sure: list[bool] = []
+        self.motions: list[np.ndarray] = []  # previous_from_body (4, 4), and whether they join two such beliefs
+        self.follows: list[bool] = []
+        self.figures: dict[str, float] = {}
         self.source: Source = self.parts.source
         if settings.kidnap_every_m:
             self.source = self.parts.source = CarriedOff(self.source, settings.kidnap_every_m, settings.kidnap_skip_m)
@@ -65,6 +70,11 @@ class LocaliseJob(StepJob):
         self.write_note()
         led = self.believed(self.context.lead(self.parts))
         yield from self.context.follow(led, PHASE, self.source.views_expected)
+        if self.context.settings("odometry").needs & MEASURES:
+            ratio = map_size_ratio(self.poses, self.motions, self.follows)
+            self.write_note({"map_size_ratio": ratio} if np.isfinite(ratio) else {})
+            if doubt := size_doubt(ratio, self.given.grid.resolution_m):
+                log.warning("%s", doubt)
         if "driving" not in self.parts.provides:  # a simulator knows where its laser sits
             sure = [wheel if known else None for wheel, known in zip(self.wheels, self.sure, strict=True)]
             figures = mount_figures(self.scans, self.wheels) | heading_figures(np.array(self.poses), sure)
@@ -91,16 +101,21 @@ class LocaliseJob(StepJob):
             belief = self.parts.localiser.update(step.observation, step.motion)
             belief = check_belief(belief, who=self.parts.who["localiser"], reach_m=reach_m)
             self.poses.append(belief.map_from_body)
-            self.sure.append(belief.status is BeliefStatus.TRACKING)
+            sure, before = belief.status is BeliefStatus.TRACKING, bool(self.sure) and self.sure[-1]
+            self.sure.append(sure)
+            self.motions.append(step.motion.previous_from_body)
+            self.follows.append(sure and before and not events and step.motion.status is Tracking.OK)
             spent = {**step.timings_ms, "localise": 1e3 * (time.perf_counter() - clock)}
             truth = None if step.truth is None else self.given.in_map(step.truth)
             yield replace(step, phase=PHASE, belief=belief, truth=truth, events=tuple(events), timings_ms=spent)
 
     def write_note(self, figures: Mapping[str, float] | None = None) -> None:
-        """localise.json: which map, how bent it is by the truth of the survey behind it; figures: how the laser sits."""
+        """localise.json: which map, how bent it is by the truth of the survey behind it; figures: its size, how the laser
+        sits, added to those that were written before."""
         misfit_m = self.given.misfit_m if np.isfinite(self.given.misfit_m) else None
+        self.figures |= figures or {}
         with replacing(self.context.folder / "localise.json") as file:
-            file.write(json.dumps({"map": self.settings.map, "map_misfit_m": misfit_m, **(figures or {})}, indent=1) + "\n")
+            file.write(json.dumps({"map": self.settings.map, "map_misfit_m": misfit_m, **self.figures}, indent=1) + "\n")
 
 
 def first_belief(settings: Localise) -> Belief | None:
