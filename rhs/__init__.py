@@ -60,15 +60,15 @@ def steps(words: Words = ()) -> Iterator[Step]:
     return steps_of(words)
 
 
-def sweep(words: Words, *, jobs: int = 0, timeout_s: float = 3600.0) -> pandas.DataFrame:
+def sweep(words: Words, *, jobs: int = 0, timeout_s: float = 3600.0, quiet: bool = False) -> pandas.DataFrame:
     """Every combination of the values given, each in a process of its own; the rows as a DataFrame.
 
     words: as on the command line after -m, or a mapping whose lists are the values to combine. jobs: processes at a time,
-    0 for one per core. timeout_s: of one job, 0 for none. A plugin of your own stands at the top of a .py file; where that
-    is the script itself, call this under `if __name__ == "__main__":`, for the jobs read the file."""
+    0 for one per core. timeout_s: of one job, 0 for none. quiet: no progress bar. A plugin of your own stands at the top of
+    a .py file; where that is the script itself, call this under `if __name__ == "__main__":`, for the jobs read the file."""
     from rhs.sweeps.face import sweep_words
 
-    return sweep_words(words, jobs=jobs, timeout_s=timeout_s)
+    return sweep_words(words, jobs=jobs, timeout_s=timeout_s, quiet=quiet)
 
 
 def table(*folders: Path | str) -> pandas.DataFrame:
@@ -106,6 +106,10 @@ def register(kind: str, name: str, plugin: type) -> None:
     from rhs.config import registry
 
     registry.register(kind, name, plugin)
+
+
+def __dir__() -> list[str]:
+    return __all__
 
 
 def __getattr__(name: str) -> Any:

@@ -29,7 +29,7 @@ def open_run(path: Path, settings) -> Recording:
     head = read_head(path) if path.is_file() else None
     if head is None:
         raise ConfigError(f"{path} is no recording that rhs wrote; leave source.format out")
-    if head.level != "full":
+    if not head.has_images:
         raise ConfigError(f"{path}: recorded with recording={head.level}, which keeps no images; record with "
                           "recording=full to replay")
     facts = head.facts and dataclasses.replace(head.facts, places=())  # a recording cannot be driven to a place

@@ -21,12 +21,14 @@ from __future__ import annotations
 
 import inspect
 import math
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Integral, Real
 from pathlib import Path as FilePath
 from types import MethodType
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -342,7 +344,8 @@ OPTIONAL = {"source": ("views_expected", "provides", "renderer", "stamps_repaire
 def complete(kind: str, part: Any) -> Any:
     """The part itself, given the defaults of its Protocol for what is optional there and missing.
 
-    Raises ContractError in words for its author: it lacks a method, has one with other arguments, or takes no defaults."""
+    Raises ContractError in words for its author: it lacks a method, has one with other arguments, says something of another
+    type than the Protocol's, or takes no defaults."""
     protocol, optional = PROTOCOLS.get(kind, object), OPTIONAL.get(kind, ())
     for name in (name for name in (*protocol.__dict__.get("__annotations__", ()), *vars(protocol)) if name[0] != "_"):
         default, own = getattr(protocol, name, None), getattr(part, name, None)
@@ -356,7 +359,23 @@ def complete(kind: str, part: Any) -> Any:
             raise ContractError(f"{type(part).__name__}, which build() returned, has no {_call(name, default)}")
         elif callable(default) and not _takes(own, default):
             raise ContractError(f"{type(part).__name__}.{name} cannot be called as {_call(name, default)}")
+        elif name in optional and not callable(default) and not _is(own, get_type_hints(protocol)[name]):
+            raise ContractError(f"{type(part).__name__}.{name} is {reprlib.repr(own)}; expected "
+                                f"{protocol.__annotations__[name]}")
     return part
+
+
+def _is(value: Any, hint: Any) -> bool:
+    """Whether a value is what an annotation of a Protocol says; numbers are finite, those in pairs above 0."""
+    inner = get_args(hint)
+    if get_origin(hint) is tuple:
+        return isinstance(value, tuple | list) and len(value) == len(inner) and all(_is(v, float) and v > 0 for v in value)
+    if get_origin(hint) is frozenset:
+        return isinstance(value, frozenset | set) and all(_is(one, inner[0]) for one in value)
+    if inner:
+        return any(_is(value, one) for one in inner)
+    wanted = {float: Real, int: Integral, bool: bool | np.bool_}.get(hint, hint)
+    return isinstance(value, wanted) and (hint is not float or math.isfinite(value))
 
 
 def _arguments(method: Any) -> list[str]:

@@ -43,6 +43,11 @@ class OccupancyGrid:
     resolution_m: float
     origin_m: tuple[float, float]
 
+    def __repr__(self) -> str:
+        rows, columns = self.shape
+        return (f"OccupancyGrid({columns} x {rows} cells of {self.resolution_m:g} m from x={self.origin_m[0]:.2f} "
+                f"y={self.origin_m[1]:.2f}, {np.isfinite(self.probability).mean():.0%} seen)")
+
     @property
     def shape(self) -> tuple[int, int]:
         return self.probability.shape

@@ -356,4 +356,4 @@ class Step:
     def __repr__(self) -> str:
         x_m, y_m, yaw_rad = planar(self.belief.map_from_body)
         return (f"Step(index={self.index}, phase={self.phase!r}, stamp_s={self.stamp_s:g}, x_m={x_m:.2f}, y_m={y_m:.2f}, "
-                f"yaw_deg={np.degrees(yaw_rad):.0f}, event={self.event!r}, ...)")
+                f"yaw_deg={np.degrees(yaw_rad):z.0f}, event={self.event!r}, ...)")

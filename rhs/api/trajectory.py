@@ -47,6 +47,10 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.stamps_s)
 
+    def __repr__(self) -> str:
+        last_s = self.stamps_s[-1] - self.stamps_s[0] if len(self) else 0.0
+        return f"Trajectory({len(self)} poses, {last_s:.1f} s, {np.append(self.travelled_m, 0.0).max():.2f} m)"
+
     @property
     def positions_m(self) -> np.ndarray:
         """(N, 3) positions."""

@@ -42,8 +42,8 @@ def answered(work: Callable[[], int]) -> int:
 
 
 def complain(text: str, code: int) -> int:
-    """Write one line of text to stderr; returns the code."""
-    sys.stderr.write(f"{shortened(plain(text))}\n")
+    """Write one line of text to stderr, as every command begins it; returns the code."""
+    sys.stderr.write(f"rhs: {shortened(plain(text))}\n")
     return code
 
 

@@ -74,4 +74,4 @@ def check_choice(owner: str, name: str, value: str, choices: tuple[str, ...]) ->
     """Refuse a word that is not one of `choices`."""
     if value not in choices:
         key = f"{owner}.{name}" if owner else name
-        raise ConfigError(f"{key}={value} is not one of {', '.join(choices)}")
+        raise ConfigError(f"{key}={value} is not one of {', '.join(choice or repr(choice) for choice in choices)}")

@@ -29,7 +29,7 @@ from rhs.metrics.shares import (
     shapley_of_orders,
     subsets,
 )
-from rhs.patrol.observers import drives_in, write_json
+from rhs.patrol.observers import drives_in, meter, write_json
 from rhs.patrol.run import RunContext
 from rhs.runfolder.run import Run
 
@@ -161,9 +161,7 @@ def _on(tell: Callable[[int, int | None], None], before: int, more: int) -> None
 @contextmanager
 def progress(*, shown: bool) -> Iterator[Callable[[int, int | None], None]]:
     """A bar on stderr that is told how many patrols have ended and, if that is known anew, of how many."""
-    from tqdm import tqdm
-
-    with tqdm(desc="blame", unit="patrol", disable=None if shown else True) as bar:
+    with meter(None, quiet=not shown, desc="blame", unit="patrol") as bar:
         def tell(ended: int, total: int | None) -> None:
             bar.total = total or bar.total
             bar.update(ended - bar.n)

@@ -43,7 +43,7 @@ def parse(command: str, description: str | None, words: Sequence[str], *, positi
                        formatter_class=argparse.RawDescriptionHelpFormatter)
     for name in positional:
         parser.add_argument(name)
-    parser.add_argument("typed", nargs="*", metavar="word")
+    parser.add_argument("typed", nargs="*", default=[], metavar="word")
     add(parser, options)
     chosen = parser.parse_intermixed_args(list(words))
     check(chosen, options)

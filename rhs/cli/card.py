@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rhs.api import settings
-from rhs.api.contracts import PLUGIN_KINDS
 from rhs.base.commands import aligned
 from rhs.base.errors import ConfigError
 from rhs.config import registry
 from rhs.config.overrides import parse, plain_words
+from rhs.testing.checks import CHECKED
 
 HOME = Path("results") / "cards"
 
@@ -49,14 +49,13 @@ def main(words: Sequence[str]) -> int:
 def part_of(words: Sequence[str], command: str) -> tuple[str, str, object]:
     """Kind, name and settings of the part that somebody types after a command. Raises ConfigError."""
     rest = plain_words(parse(list(words)))
-    if not rest or rest[0].key not in PLUGIN_KINDS:
-        wrong = f"{rest[0].text} is no part{settings.nearest(rest[0].key, list(PLUGIN_KINDS))}" if rest else "say which part"
+    if not rest or rest[0].key not in CHECKED:
+        wrong = "say which part" if not rest else (f"{rest[0].text} is no part whose contract can be checked"
+                                                   f"{settings.nearest(rest[0].key, list(CHECKED))}")
         raise ConfigError(f"{command}: {wrong}; for example: python -m rhs {command} planner=prm; "
-                          f"kinds: {', '.join(PLUGIN_KINDS)}")
+                          f"kinds: {', '.join(CHECKED)}")
     kind, name = rest[0].key, str(rest[0].value)
     cls = registry.load(kind, name)
-    if kind == "metric":
-        raise ConfigError(f"{command}: a metric has no settings and no contract but its columns: python -m rhs help columns")
     registry.check_requirements(kind, name, cls)
     stray = [word.text for word in rest[1:] if not word.key.startswith(f"{kind}.")]
     if stray:

@@ -31,9 +31,10 @@ COMMANDS = {
     "bench": ("rhs.cli.bench", "a frozen benchmark with reproducible rows: bench planning-v1 --mine planner=mine"),
     "new": ("rhs.cli.new", "write a package with a plugin to start from: new planner my_planner"),
     "completion": ("rhs.cli.completion", "tab completion of the command `rhs`: completion bash | zsh | fish"),
-    "help": ("rhs.cli.commands", "help KIND | PART | settings | columns | events | statuses | kinds | commands"),
+    "help": ("rhs.cli.commands", "help KIND | settings | columns | COLUMN | events | statuses | kinds | commands"),
 }
 
+TOPICS = ("commands", "columns", "events", "statuses", "settings", "kinds", *PLUGIN_KINDS)
 EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
 
 
@@ -94,7 +95,7 @@ def compare(words: Sequence[str]) -> int:
 
 
 def show_help(words: Sequence[str]) -> int:
-    """`help TOPIC`."""
+    """`help TOPIC`, or what a column, an event or a status of that name means."""
     from rhs.config.dictionary import lines
 
     topic = words[0] if words else "commands"
@@ -116,15 +117,13 @@ def show_help(words: Sequence[str]) -> int:
     if topic == "settings" or topic in PLUGIN_KINDS:
         sys.stdout.write(settings_text(KINDS if topic == "settings" else [topic]) + "\n")
         return 0
-    wanted = {"columns": "Columns", "events": "Events", "statuses": "tatus"}.get(topic)
-    if wanted is None:
-        topics = ("commands", "columns", "events", "statuses", "settings", "kinds", *PLUGIN_KINDS)
-        raise ConfigError(f"help {topic}: there is no such help{nearest(topic, list(topics))} "
-                          f"(there is {', '.join(topics)}, and the name of each part)")
+    wanted = {"columns": "", "events": "Events", "statuses": "tatus"}.get(topic)
+    told = [line for line in lines() if (line[1] == topic if wanted is None else wanted in line[0])]
+    if not told:
+        raise ConfigError(f"help {topic}: there is no such help{nearest(topic, [*TOPICS, *(line[1] for line in lines())])} "
+                          f"(there is {', '.join(TOPICS)}, and the name of each part)")
     section = ""
-    for title, name, meaning in lines():
-        if topic != "columns" and wanted not in title:
-            continue
+    for title, name, meaning in told:
         if title != section:
             sys.stdout.write(f"{'' if not section else chr(10)}{title}\n")
             section = title

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Iterator, Sequence
+import typing
+from collections.abc import Iterable, Iterator, Sequence
 
 from rhs.api import settings
-from rhs.api.contracts import CHOICES
+from rhs.api.contracts import CHOICES, PLUGIN_KINDS
+from rhs.api.errors import limits_of
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 from rhs.config import registry
+from rhs.config.compose import Core
 from rhs.worlds.random.names import FAMILIES, PREFIX
 
 # Bash takes `=` and `:` for the end of a word, so it wants only what follows them.
@@ -42,6 +45,8 @@ FISH = """complete -c rhs -f -a '(rhs completion words (commandline -cp) 2>/dev/
 SHELLS = {"bash": BASH, "zsh": ZSH, "fish": FISH}
 OPTIONS = ("-m", "--jobs", "--timeout", "--memory-mb", "--retries", "--fail-fast", "--resume", "--force", "--plugin",
            "--config-dir", "--cfg", "--debug", "--version", "--help")
+TYPED = (*CHOICES, "engine")  # kinds that are chosen by kind=name
+OF_FILES = ("--resume", "--plugin", "--config-dir")  # a file or a folder comes after these
 
 
 def main(words: Sequence[str]) -> int:
@@ -56,58 +61,72 @@ def main(words: Sequence[str]) -> int:
 
 
 def completions(line: str) -> list[str]:
-    """What the last word of a line may become, sorted; the line begins with the command itself."""
-    from .commands import COMMANDS
+    """What the last word of a line may become, sorted; the line begins with the command itself. Nothing where a file or a
+    folder is wanted: the shell knows those."""
+    from .commands import COMMANDS, TOPICS
 
     typed = line.split(" ")
     word, before = typed[-1], [text for text in typed[1:-1] if text]
+    key, equals, _ = word.partition("=")
     if word.startswith("-"):
-        found: Iterator[str] = iter(OPTIONS)
-    elif "=" in word:
-        found = _values(word)
+        found: Iterable[str] = OPTIONS
+    elif before[:1] == ["help"] or before == ["new"]:
+        found = PLUGIN_KINDS if before == ["new"] else TOPICS
+    elif not word and (before[-1:] and before[-1] in OF_FILES or set(before[:1]) & {*COMMANDS}):
+        found = ()
+    elif equals:
+        found = _values(key, word, before)
     elif "." in word:
-        found = _settings(word, before)
+        found = (f"{one}=" for one, _ in _leaves(key.partition(".")[0], before))
     else:
-        found = iter([*_keys(), *(COMMANDS if not before else ())])
+        found = [*_heads(before), *(COMMANDS if not before else ())]
     return sorted({text for text in found if text.startswith(word)})
 
 
-def _keys() -> list[str]:
-    """What may stand before `=`; a part's settings are reached by its dot."""
-    from rhs.config.compose import Core
+def _heads(before: Sequence[str]) -> Iterator[str]:
+    """What may stand before the first `=` or `.`; the settings of a part or of a group are reached by its dot."""
+    for kind in TYPED:
+        yield from (f"{kind}=", f"{kind}.")
+    yield from ("experiment=", "stack=")
+    for key, _ in _leaves("", before):
+        yield key.partition(".")[0] + ("." if "." in key else "=")
 
-    kinds = [text for kind in CHOICES for text in (f"{kind}=", f"{kind}.")]
-    settings_of_a_run = [f"{item.name}=" for item in dataclasses.fields(Core) if item.name != "features"]
-    return [*kinds, "experiment=", "stack=", *settings_of_a_run]
 
-
-def _values(word: str) -> Iterator[str]:
+def _values(key: str, word: str, before: Sequence[str]) -> Iterator[str]:
     """`key=` with each value it may take; the last one of `key=a,b`."""
-    key, _, value = word.partition("=")
-    before = value.rpartition(",")
-    known = registry.names(key) if key in CHOICES else []
-    if key in ("experiment", "stack"):
+    if key in TYPED:
+        known: Iterable[str] = registry.names(key)
+    elif key in ("experiment", "stack"):
         known = [path.stem for path in (data_dir("conf") / key).glob("*.yaml")]
     elif key == "world":
-        known = [*(path.stem for path in data_dir("worlds").glob("*.yaml")), *(PREFIX + family for family in FAMILIES)]
-    for name in known:
-        yield f"{key}={before[0]}{before[1]}{name}"
+        maps = ["maps"] if "task=planning" in before else []
+        files = [path for folder in ("", *maps) for path in (data_dir("worlds") / folder).glob("*.yaml")]
+        known = [*(path.stem for path in files), *(PREFIX + family for family in FAMILIES)]
+    else:
+        known = [value for one, values in _leaves(key.partition(".")[0], before) if one == key for value in values]
+    typed = word[: max(word.rfind("="), word.rfind(",")) + 1]
+    return (typed + name for name in known)
 
 
-def _settings(word: str, before: Sequence[str]) -> Iterator[str]:
-    """`kind.setting=` of the part chosen before, or of every part of that kind."""
-    kind = word.partition(".")[0]
-    if kind not in CHOICES:
-        return
-    chosen = [text.partition("=")[2] for text in before if text.startswith(f"{kind}=")] or registry.names(kind)
-    for name in chosen:
+def _leaves(head: str, before: Sequence[str]) -> Iterator[tuple[str, Sequence[str]]]:
+    """Every setting that stands under a head, and the words it may be: of the part chosen before or of every part of that
+    kind; for what is no kind those of a run and of its task."""
+    kind = head if head in TYPED and head != "task" else "task"
+    names = [text.partition("=")[2] for text in before if text.startswith(f"{kind}=")]
+    names = names or (["patrol"] if kind == "task" else registry.names(kind))
+    if kind == "task":
+        yield from _under(Core, "")
+    for name in names:
         if name in registry.names(kind) and registry.failure(kind, name) is None:
-            yield from (f"{kind}.{key}=" for key in _flat(settings.defaults(registry.load(kind, name))))
+            yield from _under(registry.load(kind, name), "" if kind == "task" else kind)
 
 
-def _flat(values: dict, owner: str = "") -> Iterator[str]:
-    for key, value in values.items():
-        if isinstance(value, dict):
-            yield from _flat(value, settings.dotted(owner, key))
-        else:
-            yield settings.dotted(owner, key)
+def _under(cls: type, owner: str) -> Iterator[tuple[str, Sequence[str]]]:
+    """The settings of a class by their dotted names, each with the words it may be, where these can be told."""
+    hints, words = typing.get_type_hints(cls), limits_of(cls, "words")
+    for item in dataclasses.fields(cls):
+        key, hint = settings.dotted(owner, item.name), hints[item.name]
+        if dataclasses.is_dataclass(hint):
+            yield from _under(hint, key)  # type: ignore[arg-type]
+        elif item.init:
+            yield key, ("false", "true") if hint is bool else words.get(item.name, ())

@@ -96,9 +96,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command."""
     parser = Arguments(prog="python -m rhs.convert", description=__doc__,
                        formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("input", type=Path)
-    parser.add_argument("output", type=Path)
-    parser.add_argument("settings", nargs="*", metavar="key=value", help="of source=replay, such as camera=tum_fr1")
+    parser.add_argument("input", type=Path, metavar="INPUT")
+    parser.add_argument("output", type=Path, metavar="OUTPUT")
+    parser.add_argument("settings", nargs="*", default=[], metavar="key=value",
+                        help="of source=replay, such as camera=tum_fr1")
     parser.add_argument("--topic", default="/belief", help="poses for a .tum file: /belief (default), /truth, /odom")
     parser.add_argument("--force", action="store_true", help="replace an output file that is there")
     return answered(lambda: _convert(parser.parse_args(arguments)))

@@ -34,7 +34,7 @@ def to_folder(source: Path, target: Path) -> tuple[Report, int]:
     0.2 mm and unknown above 13.1 m.
     """
     head = read_head(source)
-    if head is None or head.level != "full":
+    if head is None or not head.has_images:
         raise RecordingError(f"{source} holds no images as rhs records them; expected a run with recording=full")
     partial = target.with_name(f"{target.name}.tmp-{os.getpid()}")
     reading = read(source)

@@ -79,7 +79,7 @@ def _print(chosen: argparse.Namespace) -> int:
         if fault := clock_fault(values) or pose_fault(*ways, chosen.tolerance):
             return complain(fault, 3)
         return _doubted(float(str(values["matched_share"])), chosen.tolerance, *ways)
-    if len(chosen.paths) > 2 or not chosen.paths[0].is_dir():
+    if len(chosen.paths) > 2:
         raise ConfigError("expected one run folder, or two trajectories (TUM, KITTI, EuRoC): ESTIMATE TRUTH")
     sys.stdout.write(_lines(evaluate_folder(chosen.paths[0])))
     wrong = differences(chosen.paths[0])

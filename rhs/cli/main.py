@@ -232,6 +232,8 @@ def _run_sweep(plan, folder: Path, limits) -> int:
         print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
         raise
     progress.close()
+    if set(+report.counts) == {"refused"}:
+        raise ConfigError(f"{report.reasons.most_common(1)[0][0]} (all {len(plan)} jobs; files: {folder})")
     try:
         print(say.of_sweep(folder))
     except Exception as error:  # the account below is printed all the same
@@ -242,8 +244,10 @@ def _run_sweep(plan, folder: Path, limits) -> int:
     print("\n".join(report.lines()))
     print(f"files: {folder}")
     if not report.complete:
-        print(f"rhs: {report.failed} of {sum(report.counts.values())} jobs did not end well; see job.log in their folders "
-              f"and {folder}/jobs.json", file=sys.stderr)
+        ended = set(+report.counts) == {"ok"}
+        print(f"rhs: {report.failed} of {sum(report.counts.values())} jobs did not "
+              + (f"do all that was asked; see python -m rhs table --rows {folder}" if ended else
+                 f"end well; see job.log in their folders and {folder}/jobs.json"), file=sys.stderr)
     return 0 if report.complete else 3
 
 

@@ -32,6 +32,7 @@ def of_run(row: dict[str, Any], folder: Path) -> str:
     from rhs.config.dictionary import added
 
     lines = []
+    row = {name: value for name, value in row.items() if name != "failure" or value != row.get("reason")}  # said once
     for name in (*SHOWN[:-LAST], *added(row), *SHOWN[-LAST:]):
         value = row.get(name, "")
         if value == "" or value is None or value != value or value == USUAL.get(name):

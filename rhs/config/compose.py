@@ -42,8 +42,9 @@ class Core(Bounded):
     """a world of worlds/, the path of a world file, or random:FAMILY, a building drawn for this seed: see `rhs worlds`"""
     seed: int = within(0, 0, 2**63 - 1)
     """seed of every random number of the run"""
-    recording: str = one_of("auto", "full", "light", "off")
-    """run.mcap: full (with images), light (no images), off; auto is full in a single run, light in a sweep"""
+    recording: str = one_of("auto", "full", "jpeg", "light", "off")
+    """run.mcap: full (with images, without loss), jpeg (colour with loss: a replay estimates a little otherwise), light (no
+    images), off; auto is full in a single run, light in a sweep"""
     pictures: str = one_of("auto", "on", "off", "page")
     """overview.png and the like, and a patrol's comparison of each place with the survey: on, off, or page, which adds
     report.html; auto is on in a single run, off in a sweep (rhs report makes pictures later, but can compare nothing)"""
@@ -185,7 +186,7 @@ def from_plain(values: dict[str, Any]) -> RunConfig:
     rest = {key: value for key, value in values.items() if key not in (*names, *KINDS, SLAM, DEGRADE, TASK)}
     unknown = [key for key in rest if key not in CORE]
     if unknown:
-        raise registry.no_setting(unknown[0], values[TASK], [*CORE, *names])
+        raise registry.no_setting(unknown[0], values[TASK], [*CORE, *names, *task.kinds])
     core = settings.make(Core, rest, "")
     chosen = {kind: _choose(kind, values.get(kind)) for kind in _kinds(task, values)}
     config = RunConfig(**{key: getattr(core, key) for key in CORE}, parts=chosen,

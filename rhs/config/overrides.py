@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import shlex
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -30,6 +29,10 @@ from .registry import JOINED, elsewhere, in_files, names_in
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
 MOST_READ = 2_000  # words kept as read
+FUNCTIONS = ("range", "glob", "choice", "sort", "shuffle", "int", "float", "str", "bool")  # of Hydra's grammar, of use here
+QUOTED = r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*\""""  # a text in quotes
+OPEN = "a bracket or a quote is not closed"
+PAIRS = "expected as many values for each of two keys or more, zip(world=a,b seed=1,2)"
 SAME = {"hydra.run.dir": "output", "hydra.sweep.dir": "output"}  # words of Hydra's own that mean one of ours
 # Words of earlier versions: what is typed instead. They are taken, with a warning, for two minor versions.
 DEPRECATED = {"loop_closer=one_eye": "loop_closer=monocular", "unroll.bend=told": "unroll.bend=given",
@@ -72,12 +75,13 @@ def parse(words: Sequence[str]) -> list[Override | Zip]:
 
 def _zip(parser: OverridesParser, word: str) -> Zip:
     """The columns of a zip, as long as one another."""
-    inside = shlex.split(word[4:-1], posix=False) if word.endswith(")") else []
-    columns = tuple(_parse_one(parser, _current(text)) for text in inside)
-    lengths = [_length(column) for column in columns]
-    if len(columns) < 2 or len(set(lengths)) > 1:
-        found = f"{' and '.join(f'{n:g}' for n in lengths)} values" if len(columns) > 1 else "not two keys"
-        raise ConfigError(f"{word}: found {found}; expected as many values for each key, zip(world=a,b seed=1,2)")
+    if not word.endswith(")"):
+        raise ConfigError(f"{word}: {OPEN}; {PAIRS}")
+    columns = tuple(_parse_one(parser, _current(text)) for text in re.findall(rf"(?:{QUOTED}|\S)+", word[4:-1]))
+    lengths = {column.key_or_group: _length(column) for column in columns}
+    if len(lengths) < 2 or len(set(lengths.values())) > 1:
+        found = " and ".join(f"{n:g} of {key}" for key, n in lengths.items()) or "no key"
+        raise ConfigError(f"{word}: found {found}; {PAIRS}")
     return Zip(word, columns)
 
 
@@ -122,10 +126,8 @@ def _parse_one(parser: OverridesParser, word: str) -> Override:
         if "=" not in word.strip("="):
             check_no_path(word)
             raise ConfigError(f"cannot read '{word}': write key=value, for example seed=3") from error
-        reason = " ".join(str(error).split())[:100]
-        word = word if len(word) < 60 else f"{word[:57]}..."
-        raise ConfigError(f"cannot read '{word}': {reason}; quote text with special characters: "
-                          f"{word.partition('=')[0]}=\"'...'\"") from error
+        reason = _unreadable(word, str(error))
+        raise ConfigError(f"cannot read '{word if len(word) < 60 else f'{word[:57]}...'}': {reason}") from error
     override.config_loader = _Names()  # type: ignore[assignment]
     if override.is_delete():
         raise ConfigError(f"{word}: a setting cannot be taken away, only given another value")
@@ -137,6 +139,22 @@ def _parse_one(parser: OverridesParser, word: str) -> Override:
     if override.package is not None:
         raise ConfigError(f"{word}: groups have fixed places here; write {override.key_or_group}=NAME")
     return override
+
+
+def _unreadable(word: str, said: str) -> str:
+    """What is wrong with a word that Hydra's grammar does not take."""
+    if named := re.search(r"while evaluating '(\w+)\(", said):
+        if named[1] in FUNCTIONS:
+            return f"{named[1]}(...) does not take this; for example seed=range(3), planner=glob(*), seed=1,2"
+        return f"there is no {named[1]}(...){nearest(named[1], [*FUNCTIONS])} (there is {', '.join(FUNCTIONS)})"
+    if "digits" in said:  # Python's own limit
+        return "a number has more than 4300 digits"
+    bare = re.sub(rf"\\.|{QUOTED}", "", word)
+    if "'" in bare or '"' in bare or sum(map(bare.count, "([{")) != sum(map(bare.count, ")]}")):
+        return OPEN
+    if bare.endswith(","):
+        return "no value after the last comma"
+    return f"quote text with special characters: {word.partition('=')[0]}=\"'...'\""
 
 
 def _lettered(word: str) -> str:
@@ -177,12 +195,22 @@ def sweep_words(overrides: Sequence[Override | Zip], *, most: int) -> Combinatio
         raise ConfigError(f"this sweep has {count:.6g} jobs; at most {most} are run at once")
     axes: list[list[tuple[str, ...]]] = [list(zip(*map(_texts, item.columns), strict=True)) if isinstance(item, Zip) else
             [(text,) for text in _texts(item)] for item in overrides]
-    if not all(axes):
-        raise ConfigError("this sweep has no jobs: one of its ranges is empty")
+    for item, axis in zip(overrides, axes, strict=True):
+        if not axis:
+            raise ConfigError(f"{item.input_line}: it has no values, so this sweep has no jobs{_instead(item)}")
     found = Combinations(axes)
     if len(found) <= MOST_READ:
         found.words_of([text for axis in axes for values in axis for text in values])
     return found
+
+
+def _instead(item: Override | Zip) -> str:
+    """What there is where a pattern over parts met none."""
+    from . import registry
+
+    if isinstance(item, Zip) or item.key_or_group not in CHOICES:
+        return ""
+    return f" (there is {', '.join(registry.names(item.key_or_group))})"
 
 
 class Combinations(Sequence[list["Word"]]):

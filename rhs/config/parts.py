@@ -108,7 +108,9 @@ def _misfit(kind: str, word: str, chosen: Mapping[str, Chosen]) -> str:
                    and _fits(other, name, chosen)]
     instead = own[: 4 - min(len(others), 2)] + others
     hint = f"; type {' or '.join(instead[:4])}" if instead else "; no other registered part helps"
-    return f"{kind}={chosen[kind].name} needs {word}, which {culprit}={chosen[culprit].name} does not provide{hint}"
+    could = word in registry.load(culprit, chosen[culprit].name).provides  # type: ignore[attr-defined]
+    as_set = f" as it is set (python -m rhs {culprit}={chosen[culprit].name} --help)" if could else ""
+    return f"{kind}={chosen[kind].name} needs {word}, which {culprit}={chosen[culprit].name} does not provide{as_set}{hint}"
 
 
 def _fits(kind: str, name: str, chosen: Mapping[str, Chosen]) -> bool:

@@ -301,8 +301,8 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         value = getattr(cls, word, None)
         if not isinstance(value, (frozenset, set)) or not all(isinstance(v, str) for v in value):
             raise PluginError(f"{who} declares no {word}; write `{word}: ClassVar[frozenset[str]] = frozenset()`")
-    if origin.kind == "task" and not hasattr(cls, "kinds"):
-        raise PluginError(f"{who} declares no kinds; write `kinds: ClassVar[tuple[str, ...]] = (...)` with those it needs")
+    if origin.kind == "task" and not isinstance(getattr(cls, "kinds", None), tuple | list):
+        raise PluginError(f'{who} declares no kinds; write `kinds: ClassVar[tuple[str, ...]] = ("planner",)`, those it has')
     if origin.kind == "task" and (wrong := sorted(set(plugin.kinds) - set(PLUGIN_KINDS))):
         raise PluginError(f"{who}: there is no kind {wrong[0]}{nearest(wrong[0], list(PLUGIN_KINDS))}")
     for item in dataclasses.fields(cls):

@@ -24,7 +24,10 @@ LONGEST_FAULT = 300  # characters of what one metric raised, of all that went wr
 
 
 def evaluate_folder(folder: Path) -> Values:
-    """The figures of a run folder again; its task is the one its row, or its configuration, names."""
+    """The figures of a run folder again; its task is the one its row, or its configuration, names. Raises ConfigError where
+    there is no folder."""
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: expected a run folder, or two trajectories (TUM, KITTI, EuRoC): ESTIMATE TRUTH")
     run = Run(folder)
     named = run.row if (folder / "row.json").exists() else run.config
     return evaluate(folder, str(named.get("task", "patrol")))

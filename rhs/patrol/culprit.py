@@ -24,7 +24,7 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
     if isinstance(error.__cause__, StopIteration):  # what Python makes of one that leaves a generator: next() without an end
         error = error.__cause__
     said = _said(error)
-    text = plain(f"{type(error).__name__}{at}: {said}")
+    text = plain(f"{type(error).__name__}{at}: {said}".removesuffix(": "))
     who, line = raised_in(error, config, parts)
     named = tuple(called(kind, one) for kind, one in {"task": config.task, **config.parts}.items())
     whole = isinstance(error, RhsError) and said and (_by_rhs(error) or said.startswith(named))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import re
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from rhs.config.overrides import GROUPS, Word, parse, plain_words
 from rhs.runfolder.folders import claim_run
 
 from .left_over import left_as_found
-from .observers import bar, unwatched
+from .observers import bar, in_notebook, unwatched
 from .run import run_config, run_steps
 
 
@@ -40,8 +39,12 @@ def run_words(words: Sequence[str] | Mapping[str, Any], *, quiet: bool = False) 
 
 
 def steps_of(words: Sequence[str] | Mapping[str, Any]) -> Iterator[Step]:
-    """rhs.steps. What ends the run is raised again when its row is written."""
-    config = config_of(words)
+    """rhs.steps: words that are refused are refused now, not when the first step is asked for."""
+    return _steps(config_of(words))
+
+
+def _steps(config: RunConfig) -> Iterator[Step]:
+    """The steps of a run. What ends it is raised again when its row is written."""
     with claim_run(config.output, seed=config.seed, overwrite=config.overwrite) as claim:
         row = yield from run_steps(config, claim.folder)
         claim.publish()
@@ -117,14 +120,11 @@ def known_as(kind: str, cls: type) -> str:
 
 
 def show_in_notebook(folder: Path) -> None:
-    """The overview picture, where somebody looks at a notebook."""
-    picture = folder / "overview.png"
-    if "IPython" not in sys.modules or not picture.exists():
-        return
-    from IPython import get_ipython  # type: ignore[import-not-found,unused-ignore]
-    from IPython.display import Image, display  # type: ignore[import-not-found,unused-ignore]
+    """The overview picture, or what a task draws in its place, where somebody looks at a notebook."""
+    pictures = sorted(folder.glob("*.png"), key=lambda path: path.name != "overview.png")
+    if pictures and in_notebook():
+        from IPython.display import Image, display  # type: ignore[import-not-found,unused-ignore]
 
-    if get_ipython() is not None and hasattr(get_ipython(), "kernel"):
-        display(Image(filename=str(picture)))
+        display(Image(filename=str(pictures[0])))
 
 

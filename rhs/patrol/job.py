@@ -140,7 +140,7 @@ def collect(parts: Parts, context: RunContext, settings: Survey, log: RunLog, *,
     led = collector.watch(views)
     yield from led if sights is None else sights.watch(led)
     if not len(collector.views):
-        raise RhsError("the source handed out no view; expected at least one")
+        raise RhsError(f"{parts.who['source']}: lead() gave no view; expected at least one")
     return collector
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -10,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from operator import methodcaller
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -25,11 +26,16 @@ from rhs.base.processes import end_unless
 from rhs.config.compose import RunConfig, to_plain
 from rhs.metrics.patrol import VISITED_M
 from rhs.recording.rerun_view import Audience, Listener, LiveView
-from rhs.recording.writer import Recorder
+from rhs.recording.writer import Recorder, bytes_a_view
 from rhs.runfolder.steps_csv import StepTable
 from rhs.worlds.maps import save_map
 from rhs.worlds.reach import reach
 
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+log = logging.getLogger("rhs")
+SAID_BYTES = 10e6  # a recording that is smaller is not spoken of
 Watch = Callable[[Iterable[Step], str, int | None], Iterable[Step]]
 
 
@@ -118,12 +124,21 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
         if not world.moving.still:
             write_json(folder / "moving.json", moving_rows(world.moving))
     level = "full" if config.recording == "auto" else config.recording
+    if watch is not unwatched:
+        _foretell(bytes_a_view(level, parts.source.camera, parts.provides), parts.source.views_expected or 0)
     recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config),
                         timed=parts.source.timed)
     listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]
     if config.live:
         listeners.append(LiveView(config.live, parts.source.camera, facts.name))
     return RunLog(folder, StepTable(folder), Audience(listeners), watch, in_world, world if in_world else None)
+
+
+def _foretell(view_bytes: float, views: int) -> None:
+    """Say how large the recording of a survey will be, where it is large."""
+    if view_bytes * views >= SAID_BYTES:
+        log.warning("rhs: run.mcap takes about %.0f MB for the survey's %d views, and %.0f kB for each of the patrol's; "
+                    "recording=jpeg: half, recording=light: no images", views * view_bytes / 1e6, views, view_bytes / 1e3)
 
 
 def write_reach(log: RunLog, truth: np.ndarray | None) -> None:
@@ -170,12 +185,26 @@ def write_json(path: Path, value: Any) -> None:
         file.write(json.dumps(value, indent=1, default=methodcaller("tolist")) + "\n")
 
 
-def bar(steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
-    """The same steps; a bar with the phase, the place in it and the last event is drawn on stderr meanwhile."""
+def in_notebook() -> bool:
+    """Whether a person looks at this process through a notebook."""
+    if "IPython" not in sys.modules:
+        return False
+    from IPython import get_ipython  # type: ignore[import-not-found,unused-ignore]
+
+    return hasattr(get_ipython(), "kernel")
+
+
+def meter(total: int | None, *, quiet: bool = False, **how: Any) -> tqdm[NoReturn]:
+    """A bar on stderr where somebody looks at a terminal or a notebook. how: as of tqdm."""
     from tqdm import tqdm
 
-    with tqdm(total=expected, desc=f"{phase:<8}", unit="view", disable=None if sys.stderr else True, file=sys.stderr,
-              leave=True, dynamic_ncols=True, smoothing=0.1) as shown:
+    looked_at = sys.stderr is not None and (sys.stderr.isatty() or in_notebook())
+    return tqdm(total=total, disable=quiet or not looked_at, file=sys.stderr, dynamic_ncols=True, **how)
+
+
+def bar(steps: Iterable[Step], phase: str, expected: int | None) -> Iterator[Step]:
+    """The same steps; a bar with the phase, the place in it and the last event is drawn on stderr meanwhile."""
+    with meter(expected, desc=f"{phase:<8}", unit="view", smoothing=0.1) as shown:
         for step in steps:
             shown.set_postfix_str(_note(step), refresh=False)
             shown.update()

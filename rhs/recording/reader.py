@@ -23,6 +23,8 @@ from . import ros
 from .mcap_records import Message, Note
 from .mcap_scan import Report, open_scan, scan
 
+LEVELS = ("full", "jpeg", "light", "off")
+WITH_IMAGES = LEVELS[:2]
 STEP = "/rhs/step"
 EXTRA = "/extra/"  # before the name of an extra modality
 PARTS = {"image": "/camera/image/compressed", "depth": "/camera/depth", "scan": "/scan_points"}
@@ -37,6 +39,11 @@ class RunHead:
     config: dict[str, Any]
     level: str
     timed: bool = True  # False: nobody says when its views were taken
+
+    @property
+    def has_images(self) -> bool:
+        """Whether it was recorded with what a camera saw."""
+        return self.level in WITH_IMAGES
 
 
 @dataclass(frozen=True, eq=False)

@@ -163,11 +163,14 @@ def camera_info(camera: Camera, stamp_ns: int, frame: str) -> Any:
                 p=np.hstack([k, np.zeros((3, 1))]).reshape(12), binning_x=0, binning_y=0, roi=region)
 
 
-def compressed_image(image: np.ndarray, stamp_ns: int, frame: str) -> Any:
+def compressed_image(image: np.ndarray, stamp_ns: int, frame: str, *, jpeg: int = 0) -> Any:
     """PNG of an (H, W, 3) uint8 RGB image, the file it was read from where that is known: what is recorded comes back bit
-    for bit."""
+    for bit. jpeg: in its place a JPEG of that quality in per cent."""
     import cv2
 
+    if jpeg:
+        _, packed = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, jpeg])
+        return make("sensor_msgs/msg/CompressedImage", header=header(stamp_ns, frame), format="jpeg", data=packed.ravel())
     if (data := png_of(image)) is not None:
         return make("sensor_msgs/msg/CompressedImage", header=header(stamp_ns, frame), format="png",
                     data=np.frombuffer(data, np.uint8))

@@ -54,6 +54,9 @@ SWEEP = HEAD + TABLE + """
 <h2>Per group</h2>{{ table(summary) }}
 {% for note in notes %}<p>{{ note }}</p>{% endfor %}
 <h2>Charts</h2>{% for chart in charts %}<img src="{{ chart }}" alt="chart">{% endfor %}
+{% if worst %}<h2>Runs that did not do what was asked</h2>{% for run, why, picture in worst %}
+<figure><img src="{{ picture }}" alt="{{ run }}"><figcaption>{{ run }}: {{ why }}</figcaption></figure>{% endfor %}
+{% endif %}
 <h2>Runs</h2>{{ table(runs) }}
 </body></html>
 """

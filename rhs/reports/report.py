@@ -1,7 +1,7 @@
 """Pictures and pages of runs, from the files of their folders alone. `python -m rhs.report FOLDER` makes them again.
 
 overview.png: one run at a glance. report.html: one file that needs no other. For a folder of many runs, report.html
-shows bars per group, the ways over one another and the table instead.
+shows bars per group, the ways over one another, the worst runs and the table instead.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ import io
 import sys
 import textwrap
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,9 +33,11 @@ from .video import video
 from .ways import ways
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
 
 LARGEST_VIDEO_BYTES = 30 << 20
+MOST_WORST = 6  # runs whose pictures stand in the report of a sweep
 TITLE_CHARACTERS = 130  # of a line over a picture
 
 
@@ -124,7 +128,7 @@ def html(folder: Path) -> Path:
 
 
 def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
-    """report.html of a folder of runs: bars per group, their ways over one another, the summary, and every run.
+    """report.html of a folder of runs: bars per group, their ways over one another, the summary, the worst, and every run.
 
     A row.json that cannot be read is reported into `unreadable` and on the page; without that list it raises RhsError."""
     from .observations import judged
@@ -138,13 +142,35 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
     group = [name for name in CHOICES if name in table.columns and table[name].nunique(dropna=False) > 1]
     scored, summary = judged(table), summarise(table)
     charts = [figure for name in shown(scored) if (figure := bars(scored, name, group)) is not None]
+    shown_worst = [(Path(run), why, _picture(Path(run))) for run, why in worst(table)]
     charts += [figure for figure in [ways(table, group)] if figure is not None]
     runs = listing(table, [])
     runs["run"] = [Path(name).relative_to(folder).as_posix() for name in runs["run"]]
     page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summary),
                                  charts=[embed_figure(figure) for figure in charts], unreadable=left_out,
-                                 notes=notes_of(summary))
+                                 notes=notes_of(summary), worst=[(run.relative_to(folder).as_posix(), why, picture)
+                                                                 for run, why, picture in shown_worst if picture])
     return _write(folder / "report.html", page)
+
+
+def worst(table: pandas.DataFrame, most: int = MOST_WORST) -> list[tuple[str, str]]:
+    """(folder, why) of runs that did not do what was asked, at most so many and as different as they are: one of each
+    reason, the most frequent first, then a second of each."""
+    from .observations import reasons
+
+    why = {str(run): reason for run, reason in zip(table.index, reasons(table), strict=True) if reason}
+    often, told = Counter(why.values()), Counter[str]()
+    turn = {run: told.update([reason]) or told[reason] for run, reason in why.items()}
+    return sorted(why.items(), key=lambda one: (turn[one[0]], -often[one[1]]))[:most]
+
+
+def _picture(folder: Path) -> str:
+    """The picture of a run as a data address, drawn if it is not there; empty where its files allow none."""
+    lying = [path for path in (folder / "overview.png", folder / "plan.png") if path.exists()]
+    with suppress(RhsError, OSError, ValueError, KeyError, TypeError):  # of a run that left half of its files
+        drawn = lying or [path for draw in drawings(folder)[:1] if (path := draw()) is not None]
+        return embed(drawn[0]) if drawn else ""
+    return ""
 
 
 def embed(path: Path) -> str:

@@ -14,10 +14,12 @@ from rhs.config import registry
 from rhs.config.loose import check_in_files
 from rhs.config.overrides import parse, quoted
 from rhs.patrol.face import check_dicts, check_value, check_words, known_as
+from rhs.patrol.observers import meter
 from rhs.runfolder.folders import claim_sweep
 
 from . import running, sweep
-from .jobs import Limits, processors, task_of
+from .jobs import Limits, Outcome, processors, task_of
+from .worker import COMPILING
 
 if TYPE_CHECKING:
     import pandas
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
 PLAIN = re.compile(r"[\w./:+*-]*", re.ASCII)  # texts that need no quotes
 
 
-def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, timeout_s: float = 3600.0) -> pandas.DataFrame:
+def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, timeout_s: float = 3600.0,
+                quiet: bool = False) -> pandas.DataFrame:
     """rhs.sweep."""
     from rhs.reports.table import rows
 
@@ -37,9 +40,12 @@ def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, time
     plan = sweep.plan(typed)
     if registry.by_hand():
         check_in_files([one for job in plan.first for one in task_of(job).plugins])
-    with claim_sweep(plan.output) as claim:
+    with claim_sweep(plan.output) as claim, meter(len(plan), quiet=quiet, unit="job") as shown:
+        def tell(status: str, outcome: Outcome) -> None:
+            shown.update(status not in ("", COMPILING))
+
         sweep.remember(plan, claim.folder)
-        running.run_plan(plan, claim.folder, Limits(jobs or processors(), timeout_s), tell=lambda status, outcome: None)
+        running.run_plan(plan, claim.folder, Limits(jobs or processors(), timeout_s), tell=tell)
         return rows([claim.folder])
 
 
@@ -55,12 +61,15 @@ def _words(key: str, value: Any) -> Iterator[str]:
     if key not in PLUGIN_KINDS or not any(map(settings.is_record, items)):
         yield _as_typed(key, value) if isinstance(value, str) else f"{key}={_typed(value)}"
         return
-    changed = {name: now for item in items if settings.is_record(item) for name, now in _changed(key, item).items()}
-    if changed and len(items) > 1:
-        one = next(iter(changed))
-        raise ConfigError(f"{key}: objects in a list have their defaults; combine settings by {{'{key}.{one}': [...]}}")
-    yield f"{key}={','.join(known_as(key, type(item)) if settings.is_record(item) else _typed(item) for item in items)}"
-    yield from (f"{key}.{name}={_literal(now)}" for name, now in changed.items())
+    changed = list(dict.fromkeys(name for item in items if settings.is_record(item) for name in _changed(key, item)))
+    flat = [_flat(settings.plain(item)) if settings.is_record(item) else {} for item in items]
+    alike = len({type(item) for item in items}) == 1 and all(name in one for one in flat for name in changed)
+    if changed and not alike:
+        raise ConfigError(f"{key}: objects in a list are of one class with the same settings, or have their defaults; "
+                          f"combine settings by {{'{key}.{changed[0]}': [...]}}")
+    words = [f"{key}={','.join(known_as(key, type(item)) if settings.is_record(item) else _typed(item) for item in items)}"]
+    words += [f"{key}.{name}={','.join(_literal(one[name]) for one in flat)}" for name in changed]
+    yield from words if len(items) == 1 or not changed else [f"zip({' '.join(words)})"]
 
 
 def _changed(kind: str, part: Any) -> dict[str, Any]:

@@ -174,6 +174,8 @@ class Run:
             known |= self.outcome.status | status_of(self.plan, self.folder)
             statuses = {job.name: known.get(job.name, "skipped") for job in self.plan.first}
             counts = Counter(map(str, statuses.values()))
+        asked = {job.key for job in self.plan.first}
+        reasons.update(short for config, short in self.done.configs.items() if short and (self.plan.lazy or config in asked))
         missing = len(self.plan.combinations) - self.repeated - sum(counts.values())
         counts["skipped"] += max(0, missing)
         try:

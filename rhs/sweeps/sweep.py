@@ -32,6 +32,7 @@ from rhs.runfolder.row import read_row
 from rhs.runfolder.shards import from_rows, key_of, lines_of, shards, words_key
 
 from .choice import Choice, choose, split
+from .ending import shortfall
 from .jobs import Job
 
 MOST_JOBS = 100_000
@@ -179,8 +180,8 @@ def check_same(plan: Plan, folder: Path, before: dict[str, Any]) -> None:
     if _same_jobs(plan, folder, before):
         return
     differing = _differences(before.get("example", {}), to_plain(plan.first[0].config))
-    raise ConfigError(f"{folder} holds jobs of another configuration: {', '.join(differing[:3]) or 'other values'}; "
-                      f"take another folder or type --force")
+    those = f"of another configuration: {', '.join(differing[:3])}" if differing else "that these words do not ask for"
+    raise ConfigError(f"{folder} holds jobs {those}; take another folder or type --force")
 
 
 def _sources(plan: Plan) -> list[str]:
@@ -228,28 +229,28 @@ def _differences(old: Any, new: Any, key: str = "") -> list[str]:
 
 @dataclass(frozen=True)
 class Done:
-    """Jobs that ended well before we came. configs: hashes of their configurations. words: keys of their words, where
-    known. lines: of those in shards, key of the words -> hash of the configuration."""
+    """Jobs that ended well before we came. configs: hash of their configurations -> what was not achieved, empty: nothing.
+    words: keys of their words, where known. lines: of those in shards, key of the words -> hash of the configuration."""
 
-    configs: frozenset[str] = frozenset()
+    configs: Mapping[str, str] = field(default_factory=dict)
     words: frozenset[str] = frozenset()
     lines: Mapping[str, str] = field(default_factory=dict)
 
 
 def finished(folder: Path) -> Done:
     """What ended well, as folders and shards say."""
-    configs, words, named = set(), set(), _named(folder)
+    configs, words, named = {}, set(), _named(folder)
     for path in sorted(folder.glob("*/row.json")):
         try:
-            if read_row(path).get("status") == "ok":
-                configs.add(_key(path.parent.name))
+            if (row := read_row(path)).get("status") == "ok":
+                configs[_key(path.parent.name)] = shortfall(row)
                 words |= {named[path.parent.name]} if path.parent.name in named else set()
         except RhsError:
             continue
-    hashes = from_rows(shards(folder), [],
-                       lambda line: str(line.row.get("config_hash")) if line.row["status"] == "ok" else "")
-    lines = {key: config for key, config in hashes.items() if config}
-    return Done(frozenset(configs | {*lines.values()}), frozenset(words | {*lines}), lines)
+    ended = from_rows(shards(folder), [], lambda line: (str(line.row.get("config_hash")), shortfall(line.row))
+                      if line.row["status"] == "ok" else ("", ""))
+    lines = {key: config for key, (config, _) in ended.items() if config}
+    return Done(configs | dict(ended[key] for key in lines), frozenset(words | {*lines}), lines)
 
 
 def _named(folder: Path) -> dict[str, str]:

@@ -48,13 +48,15 @@ def check_plugin(kind: str, settings: Any) -> None:
                 raise AssertionError(f"{kind} {type(settings).__name__}: {name.replace('_', ' ')}: {error}") from error
 
 
+CHECKED = {"source": SOURCE, "sensor": SENSOR, "odometry": ODOMETRY, "loop_closer": LOOP_CLOSER, "localiser": LOCALISER,
+           "mapper": MAPPER, "planner": PLANNER, "replan": REPLAN, DEGRADED: DEGRADE, SLAM: SLAMS}  # by kind
+
+
 def checks(kind: str) -> dict[str, Check]:
     """Name -> check(settings, folder) for a kind of part. Each raises AssertionError, whatever the part itself raised."""
-    own = {"source": SOURCE, "sensor": SENSOR, "odometry": ODOMETRY, "loop_closer": LOOP_CLOSER, "localiser": LOCALISER,
-           "mapper": MAPPER, "planner": PLANNER, "replan": REPLAN, DEGRADED: DEGRADE, SLAM: SLAMS}
-    if kind not in own:
-        raise ConfigError(f"no checks for kind {kind}; there are for {', '.join(own)}")
-    return {check.__name__: _asserting(check) for check in (*SETTINGS, *own[kind])}
+    if kind not in CHECKED:
+        raise ConfigError(f"no checks for kind {kind}; there are for {', '.join(CHECKED)}")
+    return {check.__name__: _asserting(check) for check in (*SETTINGS, *CHECKED[kind])}
 
 
 def _asserting(check: Check) -> Check:

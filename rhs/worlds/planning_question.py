@@ -6,7 +6,6 @@ MovingAI `.map` or a `.scen` (then `planning.scenario` says which of its problem
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
@@ -14,15 +13,13 @@ import numpy as np
 
 from rhs.api.floorplan import World, truth_grid
 from rhs.api.grid import OccupancyGrid
-from rhs.api.settings import near_file
-from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
 from .buildings import FOREIGN
 from .maps import load_map, read_yaml
 from .movingai import centre_m, load_movingai_map, load_scenarios
 from .random.names import is_random
-from .world import load_world, world_names
+from .world import find_world, load_world
 
 _KEYS = ("start", "goal", "robot_radius_m", "classes")
 
@@ -46,7 +43,7 @@ def load_arena(name_or_path: str, *, scenario: int = 0, seed: int = 0) -> Arena:
     """The arena of that name or path; seed: of a drawn world without a number. Raises ConfigError in one line."""
     if is_random(name_or_path):
         return _world(load_world(name_or_path, seed=seed))
-    path = _find(name_or_path)
+    path = find_world(name_or_path, maps=True)
     if path.suffix == ".scen":
         return _scenario(path, scenario)
     if scenario:
@@ -75,21 +72,6 @@ def _crosses(points: np.ndarray, gate: np.ndarray) -> bool:
     p, q = points[:-1], points[1:]
     along = [(q[:, 0] - p[:, 0]) * (y - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x - p[:, 0]) for x, y in gate]
     return bool(np.any((side[:-1] * side[1:] <= 0) & (along[0] * along[1] <= 0) & (side[:-1] != side[1:])))
-
-
-def _find(text: str) -> FilePath:
-    if "/" in text or FilePath(text).suffix.lower() in (".yaml", ".yml", ".map", ".scen", *FOREIGN):
-        path = FilePath(text).expanduser()
-        if not path.is_file():
-            raise ConfigError(f"world={text}: there is no such file{near_file(path)}")
-        return path.resolve()
-    for folder in (data_dir("worlds") / "maps", data_dir("worlds")):
-        if text and (folder / f"{text}.yaml").is_file():
-            return folder / f"{text}.yaml"
-    known = sorted(path.stem for path in (data_dir("worlds") / "maps").glob("*.yaml")) + world_names()
-    near = difflib.get_close_matches(text, known, n=1, cutoff=0.5)
-    raise ConfigError(f"world={text} is neither a map nor a world nor the path of one; "
-                      + (f"did you mean '{near[0]}'?" if near else f"there are {', '.join(known)}"))
 
 
 def _map_server(path: FilePath, planning: object) -> Arena:

@@ -94,26 +94,29 @@ def _is_flat_map(file: Section) -> bool:
     return "image" in file.nodes and "walls" not in file.nodes
 
 
-def find_world(name_or_path: str | Path, *, beside: Path | None = None) -> Path:
+def find_world(name_or_path: str | Path, *, beside: Path | None = None, maps: bool = False) -> Path:
     """The file of a world: a name is looked for in `beside` and worlds/; anything with a slash or a file's ending is a
-    path."""
-    text = str(name_or_path)
-    if "/" in text or Path(text).suffix.lower() in (".yaml", ".yml", *FOREIGN) or ("." in text and Path(text).is_file()):
+    path. maps: flat maps and scenarios for planning are worlds too."""
+    text, endings = str(name_or_path), (".yaml", ".yml", *((".map", ".scen") if maps else ()), *FOREIGN)
+    if "/" in text or Path(text).suffix.lower() in endings or ("." in text and Path(text).is_file()):
         path = Path(text).expanduser()
         if path.is_dir():
-            inner = sorted(one.name for one in path.iterdir() if one.suffix.lower() in (".yaml", ".yml", *FOREIGN))
+            inner = sorted(one.name for one in path.iterdir() if one.suffix.lower() in endings)
             named = f"type world={path / inner[0]}" if inner else "expected a file: a map, a plan, a scene or a mesh"
             raise ConfigError(f"world={text} is a folder; {named}")
         if not path.is_file():
             raise ConfigError(f"world={text}: there is no such file{near_file(path)}")
         return path.resolve()
-    for folder in ([beside] if beside else []) + [data_dir("worlds")]:
+    flat = [data_dir("worlds") / "maps"] if maps else []
+    for folder in [*([beside] if beside else []), *flat, data_dir("worlds")]:
         if text and (folder / f"{text}.yaml").is_file():
             return folder / f"{text}.yaml"
-    near = difflib.get_close_matches(text, [*world_names(), *(PREFIX + family for family in FAMILIES)], n=1, cutoff=0.5)
-    drawn = ", ".join(f"{PREFIX}{family}" for family in FAMILIES)
-    advice = f"did you mean '{near[0]}'?" if near else f"worlds: {', '.join(world_names())}; drawn ones: {drawn}"
-    raise ConfigError(f"world={text} is neither a world nor a path to a YAML file; {advice}")
+    drawn = [f"{PREFIX}{family}" for family in FAMILIES]
+    known = [*(path.stem for folder in flat for path in sorted(folder.glob("*.yaml"))), *world_names()]
+    near = difflib.get_close_matches(text, [*known, *drawn], n=1, cutoff=0.5)
+    advice = f"did you mean '{near[0]}'?" if near else f"worlds: {', '.join(known)}; drawn ones: {', '.join(drawn)}"
+    what = "neither a map nor a world nor the path of one" if maps else "neither a world nor a path to a YAML file"
+    raise ConfigError(f"world={text} is {what}; {advice}")
 
 
 def _world(path: Path, file: Section, building: Building | None = None) -> World:

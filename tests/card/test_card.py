@@ -146,6 +146,7 @@ def test_a_part_without_a_standard_set_has_its_contract():
 
 @pytest.mark.parametrize(("words", "says"), [
     ([], "say which part"), (["world=square"], "world=square is no part"), (["planner=astarr"], "did you mean astar"),
+    (["task=patrol"], "task=patrol is no part whose contract can be checked"),
     (["planner=prm", "samples=3"], "expected settings of planner=prm"),
     (["planner=prm", "planner.link=3"], "did you mean planner.links"),
     (["planner=prm,rrt"], "several values")])

@@ -14,10 +14,20 @@ from rhs.cli.main import main
     ("rhs ta", "table"), ("rhs plan", "planner="), ("rhs planner=rr", "planner=rrt_connect"),
     ("rhs planner=prm,rrt_s", "planner=prm,rrt_star"), ("rhs planner=prm planner.mil", "planner.milestones="),
     ("rhs world=square_s", "world=square_small"),
-    ("rhs world=random:of", "world=random:office"), ("rhs experiment=", "experiment="), ("rhs --res", "--resume")])
+    ("rhs world=random:of", "world=random:office"), ("rhs experiment=", "experiment="), ("rhs --res", "--resume"),
+    ("rhs mis", "mission."), ("rhs mission.kid", "mission.kidnap="), ("rhs mission.kidnap=", "mission.kidnap=true"),
+    ("rhs source.rend", "source.renderer="), ("rhs source.renderer=t", "source.renderer=tinyrenderer"),
+    ("rhs recording=j", "recording=jpeg"), ("rhs features.adv", "features.advanced."), ("rhs help col", "columns"),
+    ("rhs -m engine=d", "engine=dask"), ("rhs task=planning world=ma", "world=map1"),
+    ("rhs task=planning planning.sc", "planning.scenario="), ("rhs new pl", "planner")])
 def test_the_last_word_is_completed(line, among):
     found = completions(line)
     assert all(text.startswith(line.split(" ")[-1]) for text in found) and any(text.startswith(among) for text in found)
+
+
+@pytest.mark.parametrize("line", ["rhs blame ", "rhs --resume ", "rhs -m --plugin ", "rhs report results/"])
+def test_files_and_folders_are_left_to_the_shell(line):
+    assert completions(line) == []
 
 
 def test_settings_are_those_of_the_part_that_was_chosen():

@@ -1,9 +1,12 @@
 """The public face: what a person in a notebook types."""
 
+import re
 import signal
 import subprocess
 import sys
 from dataclasses import dataclass
+from pathlib import Path as FilePath
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -83,6 +86,57 @@ def test_who_stops_a_run_stops_the_loop_over_runs(tmp_path):
     finally:
         signal.signal(signal.SIGINT, before)
     assert rhs.load_run(tmp_path / "run").row["status"] == "interrupted"
+
+
+def test_steps_of_words_that_mean_nothing_are_refused_at_once():
+    with pytest.raises(ConfigError, match="did you mean fake"):
+        rhs.steps([*CHOICE, "planner=fak"])
+
+
+def test_a_trajectory_alone_has_no_figures(tmp_path):
+    (tmp_path / "a.tum").write_text("0 0 0 0 0 0 0 1\n")
+    with pytest.raises(ConfigError, match="a.tum: expected a run folder, or two trajectories"):
+        rhs.evaluate(tmp_path / "a.tum")
+
+
+def test_what_a_run_left_behind_is_shown_in_a_line(tmp_path):
+    rhs.run([*CHOICE, f"output={tmp_path / 'run'}"], quiet=True)
+    run = rhs.load_run(tmp_path / "run")
+    assert re.fullmatch(r"OccupancyGrid\(\d+ x \d+ cells of 0.1 m from x=\S+ y=\S+, \d+% seen\)", repr(run.map))
+    assert re.fullmatch(r"Trajectory\(\d+ poses, [\d.]+ s, [\d.]+ m\)", repr(run.estimate))
+    assert "yaw_deg=-0," not in "".join(map(repr, rhs.steps([*CHOICE, f"output={tmp_path / 'again'}"])))
+
+
+@pytest.fixture
+def notebook(monkeypatch):
+    """What is shown in a notebook: the names of pictures. Its stderr is no terminal."""
+    shown = []
+    kernel = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1))
+    display = SimpleNamespace(Image=lambda filename: FilePath(filename).name, display=shown.append)
+    monkeypatch.setitem(sys.modules, "IPython", kernel)
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    return shown
+
+
+def test_a_notebook_shows_a_bar_and_the_picture_of_the_task(notebook, tmp_path, capsys):
+    rhs.run([*CHOICE, f"output={tmp_path / 'run'}"])
+    assert "survey" in (err := capsys.readouterr().err) and "view" in err
+    rhs.run(PLANNING | {"output": str(tmp_path / "plan")})
+    assert notebook == ["overview.png", "plan.png"]
+    rhs.run([*CHOICE, f"output={tmp_path / 'quiet'}"], quiet=True)
+    assert not capsys.readouterr().err and len(notebook) == 2
+
+
+def test_a_sweep_in_a_notebook_shows_how_far_it_is(notebook, tmp_path, capsys):
+    words = PLANNING | {"seed": [0, 1], "output": str(tmp_path / "sweep")}
+    rhs.sweep(words, jobs=1)
+    assert re.search(r"2/2 \[.*job", capsys.readouterr().err)
+    rhs.sweep(words | {"output": str(tmp_path / "quiet")}, jobs=1, quiet=True)
+    assert not capsys.readouterr().err
+
+
+def test_tab_after_the_dot_shows_the_face_alone():
+    assert dir(rhs) == sorted(rhs.__all__)
 
 
 def test_what_ends_the_loop_is_raised_after_its_row_is_written(tmp_path):

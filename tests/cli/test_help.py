@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import runpy
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from installing import FAKES, environment, installed
@@ -17,6 +19,7 @@ from rhs.cli.commands import COMMANDS, command
 from rhs.cli.help_text import help_text, settings_text
 from rhs.cli.main import main
 from rhs.config import registry
+from rhs.config.dictionary import lines
 from rhs.config.documented import field_docs
 
 HEAVY = ("cv2", "pybullet", "ompl", "numba", "scipy", "pandas", "matplotlib", "rosbags", "mcap", "hydra", "gtsam")
@@ -146,3 +149,26 @@ def test_a_file_that_stands_alone_says_what_to_write_before_it(tmp_path, capsys,
     (tmp_path / "walk.bag").write_bytes(b"#ROSBAG V2.0\n")
     assert main([*before, str(tmp_path / "walk.bag")]) == 2
     assert "for a recording write source=replay source.path= before it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("help", "worlds", "table")])
+def test_a_command_without_its_words_says_what_is_missing_as_every_complaint_begins(name, capsys):
+    assert main([name]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("rhs: ") and err.count("\n") == 1
+    assert "key=value" not in err.partition("example")[0].partition(";")[0], "which may be left out"
+
+
+def test_help_tells_what_one_column_or_event_means(capsys):
+    assert main(["help", "belief_ece"]) == 0 and "expected calibration error" in capsys.readouterr().out
+    assert main(["help", "arrived"]) == 0
+    assert [line for line in capsys.readouterr().out.splitlines() if line and line[0] != " "] == [
+        "Events (steps.csv, event)", "Mission statuses (missions.json)"]
+    assert main(["help", "belief_ec"]) == 2 and "did you mean belief_ece?" in capsys.readouterr().err
+
+
+def test_the_site_has_a_page_of_every_column_event_and_status():
+    page = runpy.run_path(str(Path(__file__).parents[2] / ".ci" / "site.py"))["columns_page"]()
+    for title, name, _ in lines():
+        assert f"\n## {title}\n" in page and f"\n| `{name}` | " in page
+    assert all(line.replace("\\|", "").count("|") == 3 for line in page.splitlines() if line.startswith("|"))

@@ -185,6 +185,13 @@ def test_a_sensor_that_lacks_what_a_part_needs_is_refused_with_what_to_type():
     assert compose("sensor=fake_mono", "odometry=fake_eye").sensor.name == "fake_mono"
 
 
+def test_a_kind_misspelt_in_a_file_is_taken_for_that_kind(tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "e.yaml").write_text("# @package _global_\nplaner:\n  samples: 7\n")
+    with pytest.raises(ConfigError, match="e.yaml:2: unknown key planer; did you mean planner"):
+        compose_config([*CHOICE, "experiment=e"], folders=(tmp_path,))
+
+
 def test_an_experiment_chooses_parts_over_the_stack_and_words_choose_over_both(tmp_path):
     (tmp_path / "experiment").mkdir()
     (tmp_path / "experiment" / "e.yaml").write_text(

@@ -6,11 +6,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from helpers.synthetic_run import CAMERA, FACTS, make_steps, room
 
+import rhs
+from rhs.patrol.observers import _foretell
 from rhs.recording.reader import read, read_head
 from rhs.recording.ros import nanoseconds, seconds
-from rhs.recording.writer import Recorder
+from rhs.recording.writer import Recorder, bytes_a_view
 
 
 def record(path, level="full", count=6):
@@ -57,6 +60,31 @@ def test_light_leaves_the_images_out_and_off_writes_nothing(tmp_path):
     assert light.stat().st_size < full.stat().st_size
     record(tmp_path / "off.mcap", "off")
     assert not (tmp_path / "off.mcap").exists()
+
+
+def test_jpeg_keeps_all_but_the_last_bits_of_colour(tmp_path):
+    path = record(tmp_path / "run.mcap", "jpeg", count=3)
+    assert read_head(path).has_images and not read_head(record(tmp_path / "light.mcap", "light")).has_images
+    for step, view in zip(make_steps(3), read(path).views(), strict=True):
+        assert view.capture.image.shape == step.observation.image.shape
+        assert np.array_equal(view.capture.depth, step.observation.depth, equal_nan=True)
+
+
+@pytest.mark.parametrize("level", ["full", "jpeg"])
+def test_how_large_a_recording_will_be_is_known_beforehand(tmp_path, level):
+    words = ["world=corridor", "task=survey", "odometry=wheel", "loop_closer=none", f"recording={level}", "source.step_m=1"]
+    rhs.run([*words, f"output={tmp_path / 'run'}"], quiet=True)
+    path, views = tmp_path / "run" / "run.mcap", len(rhs.load_run(tmp_path / "run").steps)
+    said = views * bytes_a_view(level, read_head(path).camera, frozenset({"image", "depth", "scan"}))
+    assert 0.67 < said / path.stat().st_size < 1.5
+
+
+def test_a_large_recording_is_spoken_of_and_a_small_one_is_not(caplog):
+    _foretell(0.2e6, 400)
+    assert "run.mcap takes about 80 MB for the survey's 400 views, and 200 kB for each of the patrol's" in caplog.text
+    caplog.clear()
+    _foretell(0.2e6, 0), _foretell(100.0, 400)
+    assert not caplog.text
 
 
 def test_two_recordings_of_one_run_are_equal(tmp_path):

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from helpers.synthetic_run import CAMERA, FACTS, make_run, make_steps
 
 from rhs.api.errors import RhsError
 from rhs.recording.writer import Recorder
-from rhs.reports.report import html, main, motion, overview, sweep
+from rhs.reports.report import html, main, motion, overview, sweep, worst
+from rhs.reports.table import rows
 from rhs.reports.video import count_frames, video
 from rhs.runfolder.row import write_row
 
@@ -102,6 +104,22 @@ def test_a_sweep_is_bars_and_a_table(run, tmp_path):
     page = sweep(tmp_path).read_text()
     assert SCRIPT not in page and page.count("data:image/png") >= 2
     assert "2 of 6 failed" in page and "prm" in page
+
+
+def test_the_report_of_a_sweep_shows_its_worst_runs(run, tmp_path):
+    """One of each reason first, the most frequent first of all; those that went well are not shown, nor rows alone."""
+    for name, failure in (("a", "0 of 2"), ("b", "0 of 2"), ("c", "1 of 2"), ("d", ""), ("e", "2 of 3")):
+        if name == "e":
+            (tmp_path / name).mkdir()
+        else:
+            shutil.copytree(run, tmp_path / name)
+        write_row(tmp_path / name, {"status": "ok", "success": 0.0 if failure else 1.0, "failure": failure, "world": "room",
+                                    "planner": "prm", "places_total": 2, "places_visited": 1})
+    named = [Path(folder).name for folder, _ in worst(rows([tmp_path]))]
+    assert named[0] == "a" and set(named[:3]) == {"a", "c", "e"} and named[3:] == ["b"]
+    page = sweep(tmp_path).read_text()
+    assert re.findall(r"<figcaption>(\w): ([\w ]+)", page) == [("a", "0 of 2"), ("c", "1 of 2"), ("b", "0 of 2")]
+    assert len(worst(rows([tmp_path]), most=2)) == 2
 
 
 def test_the_ways_of_a_sweep_lie_over_one_another_and_over_the_truth(tmp_path):

@@ -92,6 +92,14 @@ def test_a_bad_axis_is_refused_before_the_first_job(words, says):
     assert says in str(caught.value)
 
 
+def test_a_sweep_whose_every_job_is_refused_is_refused(tmp_path, monkeypatch, capsys):
+    """A world that nobody has: as of one run, one line and exit code 2, no empty table."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["-m", "task=planning", "world=map9", "seed=0,1", "--jobs", "1"]) == 2
+    out, err = capsys.readouterr()
+    assert not out and "did you mean 'map4'? (all 2 jobs; files: " in err
+
+
 # --- running ---------------------------------------------------------------------------------------------------------
 
 
@@ -128,3 +136,23 @@ def test_a_sweep_may_grow_but_not_change(good, monkeypatch, capfd):
     assert main([*words, "seed=range(5)", "--resume"]) == 2
     assert "was made by rhs 0.0.1" in capfd.readouterr().err
     assert main([*words, "seed=range(5)", "--resume", "--force"]) == 0
+
+
+@pytest.mark.parametrize("keep", ["all", "none"])
+def test_what_was_not_achieved_is_said_again_by_who_goes_on(tmp_path, monkeypatch, capsys, keep):
+    """Seen: exit code 3, and 0 by --resume of the same folder, with nothing done in between."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["-m", "task=planning", "world=map1", "planner=rrt", "planner.iterations=1", "seed=0,1", f"keep={keep}",
+                 "output=s", "--jobs", "1"]) == 3
+    said = capsys.readouterr().err
+    assert said.endswith(f"2 of 2 jobs did not do all that was asked; see python -m rhs table --rows {tmp_path / 's'}\n")
+    assert main(["--resume", "s"]) == 3
+    assert capsys.readouterr().err == said
+
+
+def test_words_that_leave_out_jobs_of_a_sweep_are_refused_by_what_is_wrong(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["-m", "task=planning", "world=map1", "seed=0,1", "output=s", "--jobs", "1"]) == 0
+    capsys.readouterr()
+    assert main(["--resume", "s", "seed=0"]) == 2
+    assert "s holds jobs that these words do not ask for; take another folder or type --force" in capsys.readouterr().err

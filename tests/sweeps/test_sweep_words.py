@@ -43,10 +43,32 @@ def test_zip_takes_values_in_pairs_beside_other_sweeps():
         ("map1", 5, "prm"), ("map1", 5, "rrt"), ("map2", 6, "prm"), ("map2", 6, "rrt")]
 
 
-@pytest.mark.parametrize("word", ["zip(world=map1,map2 seed=1,2,3)", "zip(seed=1,2)", "zip(seed=1,2 world=map1"])
-def test_a_zip_whose_columns_are_not_as_long_is_refused(word):
-    with pytest.raises(ConfigError, match="expected as many values for each key"):
+def test_quoted_texts_of_a_zip_are_taken_whole(tmp_path):
+    jobs = sweep.plan(["task=planning", "zip(world='a b','c \\' (d) e' seed=1,2)"]).jobs
+    assert [(job.config.world, job.config.seed) for job in jobs] == [("a b", 1), ("c ' (d) e", 2)]
+
+
+@pytest.mark.parametrize(("word", "says"), [
+    ("zip(world=map1,map2 seed=1,2,3)", "found 2 of world and 3 of seed"), ("zip(seed=1,2)", "found 2 of seed;"),
+    ("zip()", "found no key"), ("zip(seed=1,2 world=map1", "a bracket or a quote is not closed")])
+def test_a_zip_whose_columns_are_not_as_long_is_refused(word, says):
+    with pytest.raises(ConfigError, match="expected as many values for each of two keys or more") as caught:
         sweep.plan([word])
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(("word", "says"), [
+    ("seed=rnage(3)", "there is no rnage(...); did you mean range?"),
+    ("seed=tag(1,2)", "there is no tag(...) (there is range"),
+    ("seed=range(a,b)", "range(...) does not take this"), ("seed=range(3", "a bracket or a quote is not closed"),
+    ("planner='prm", "a bracket or a quote is not closed"), ("planner=prm,", "no value after the last comma"),
+    ("planner=prm;rrt", "quote text with special characters: planner=\"'...'\""), ("output='a[b',}", "a bracket or a quote"),
+    ("planner=glob(zz*)", "it has no values, so this sweep has no jobs (there is astar, ")])
+def test_a_word_that_cannot_be_read_is_refused_in_our_words(word, says):
+    with pytest.raises(ConfigError) as caught:
+        sweep.plan(["task=planning", word])
+    assert says in str(caught.value)
+    assert not any(theirs in str(caught.value) for theirs in ("Hydra", "expecting", "evaluating", "viable", "token"))
 
 
 def test_hydras_own_word_for_a_folder_is_taken_as_output():

@@ -70,7 +70,8 @@ def test_a_scenario_carries_its_claimed_octile_optimum_and_astar_agrees(tmp_path
 def test_worlds_are_found_or_refused_in_words(tmp_path):
     assert load_arena("map1").classes[0][0] == "left"
     assert load_arena("map1_raw").robot_radius_m == 0.3
-    for word, hint in (("map11", "did you mean 'map1'"), ("no/such.yaml", "no such file"), ("zzzzzz", "there are map1")):
+    for word, hint in (("map11", "did you mean 'map1'"), ("no/such.yaml", "no such file"), ("zzzzzz", "worlds: map1"),
+                       ("rndom:ofice", "did you mean 'random:office'"), ("./", "is a folder")):
         with pytest.raises(ConfigError, match=hint):
             load_arena(word)
     with pytest.raises(ConfigError, match="scenario"):

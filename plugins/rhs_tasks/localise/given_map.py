@@ -50,7 +50,7 @@ class GivenMap:
     @property
     def has_pictures(self) -> bool:
         """Whether places can be computed from the survey's recording."""
-        return self.head is not None and self.head.level == "full"
+        return self.head is not None and self.head.has_images
 
     def in_map(self, truth: np.ndarray) -> np.ndarray:
         """A true pose (4x4) where the map has it: as it stands to the nearest view of the survey, by the truth. A map is
