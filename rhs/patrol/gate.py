@@ -34,6 +34,7 @@ from .tasks import Gate
 FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
 # Scans decide between the two: the least share of the last one's beams seen again, and how much more than as vision says
 LEAST_SHARE, MORE_SHARE = 0.4, 0.2
+DOUBTED = 0.99  # of good motions pass unasked; of the others, up to the settings' probability, the scan is asked
 USUAL_VIEWS = 10  # stamps of arrival come in clumps: no speed is judged over less than the mean interval of so many views
 COMPARED_M, COMPARED_RAD = 0.03, 0.03  # from view to view: what is less is mostly noise
 COMPARED_LEAST = 20  # views
@@ -48,7 +49,7 @@ class GatedOdometry:
         self._who = who or f"odometry {type(odometry).__name__}"
         self.keeps_moving, self.short_steps = odometry.keeps_moving, odometry.short_steps
         self.scale_from = odometry.scale_from
-        self._limit = chi_square(3, settings.probability)
+        self._limit, self._doubted = chi_square(3, settings.probability), chi_square(3, min(DOUBTED, settings.probability))
         self._stamp_s = float("nan")
         self._intervals_s: deque[float] = deque(maxlen=USUAL_VIEWS)
         self._moved: list[tuple[np.ndarray, float]] = []  # twists (6,), believed last and said last by vision, in seconds
@@ -109,10 +110,11 @@ class GatedOdometry:
             self._compare(planar(said.previous_from_body), wheel)
         spread = self._wheel_covariance(wheel)
         apart = contradiction(said, wheel, spread * (1 + self._lost) ** 2, slip_share=self._settings.slip_share)
-        if apart <= self._limit:
+        known = apart > self._doubted and (
+            self._seen_again(se2(*wheel)) > self._seen_again(said.previous_from_body) + MORE_SHARE)
+        if apart <= self._limit and not known:
             self._contradicted = 0
             return joined(said, wheel, spread) if said.status is Tracking.DEGENERATE else said
-        known = self._seen_again(se2(*wheel)) > self._seen_again(said.previous_from_body) + MORE_SHARE
         self._contradicted += not known
         both = f"vision {_words(said.previous_from_body)} and wheels {_words(se2(*wheel))}"
         what = f"{both} are {np.sqrt(apart):.1f} sigmas apart"

@@ -91,6 +91,19 @@ def test_wheels_that_two_thirds_of_the_scan_agree_with_are_known_to_be_right():
     assert carried.status is Tracking.LOST and carried.reason.endswith("took wheel")
 
 
+def test_where_wheels_are_doubted_less_the_scan_decides():
+    """Vision has it that the robot moved back by 0.105 m, 5.2 sigmas of the wheels, of which the gate lets pass 5.5."""
+    wheel, slight = np.array([0.0, 0.0, 0.2]), said(-0.105, 0.0, 0.2)
+    turned = _room(0.0, 0.0, 0.0, 0.9), _room(0.0, 0.0, 0.2, 1.1)
+    backed = _room(0.0, 0.0, 0.0, 0.9), _room(-0.105, 0.0, 0.2, 1.1)
+    for scans, replaced in ((turned, True), (backed, False), ((None, None), False)):
+        part = GatedOdometry(Told(slight), Gate())
+        part.update(Observation(0, 5.0, CAMERA, scan=scans[0]))
+        motion = part.update(Observation(1, 5.1, CAMERA, wheel=wheel, scan=scans[1]))
+        assert motion.replaced == replaced
+        assert planar(motion.previous_from_body) == pytest.approx(wheel if replaced else [-0.105, 0.0, 0.2])
+
+
 def test_an_unsure_motion_is_not_refused_for_the_same_difference() -> None:
     unsure = replace(said(0.9), covariance=np.diag([0.3, 0.3, 0.3, 0.1, 0.1, 0.1]) ** 2)
     assert through([unsure], [AHEAD])[0].status is Tracking.OK
