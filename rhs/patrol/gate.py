@@ -9,7 +9,8 @@ refused: a speed that differs from what was believed last and from what vision i
 the views were taken.
 Where wheels contradict for many views on end they are the ones in doubt (a bag with another frame), and vision is kept.
 Somebody who walks by close to the camera has most of the picture, not all of the scan: where the view before, moved as the
-wheels say, is seen again and moved as vision says is not, the wheels are not only taken but known to be right.
+wheels say, is seen again and moved as vision says is not, the wheels are not only taken but known to be right. The scan is
+asked of smaller differences too, and whether wheels spun: vision stands still before somebody who follows the robot.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ from rhs.api.validate import check_motion
 from rhs.api.validate_fields import MOST_REASON
 from rhs.estimation.filters.kalman import gate as chi_square
 from rhs.estimation.filters.time_offset import time_offset_s
-from rhs.estimation.views.motion_consistency import scan_share
+from rhs.estimation.views.motion_consistency import ends_again
 
 from .tasks import Gate
 
 FREE = [0, 1, 5]  # what wheels measure: x, y, yaw
-# Scans decide between the two: the least share of the last one's beams seen again, and how much more than as vision says
+# Scans decide between the two: the least share of the last one's beams seen again, and of those not seen as vision says
 LEAST_SHARE, MORE_SHARE = 0.4, 0.2
 DOUBTED = 0.99  # of good motions pass unasked; of the others, up to the settings' probability, the scan is asked
 USUAL_VIEWS = 10  # stamps of arrival come in clumps: no speed is judged over less than the mean interval of so many views
@@ -110,8 +111,8 @@ class GatedOdometry:
             self._compare(planar(said.previous_from_body), wheel)
         spread = self._wheel_covariance(wheel)
         apart = contradiction(said, wheel, spread * (1 + self._lost) ** 2, slip_share=self._settings.slip_share)
-        known = apart > self._doubted and (
-            self._seen_again(se2(*wheel)) > self._seen_again(said.previous_from_body) + MORE_SHARE)
+        doubted = contradiction(said, wheel, spread, slip_share=0.0) > self._doubted
+        known = doubted and self._borne_out(se2(*wheel), said.previous_from_body)
         if apart <= self._limit and not known:
             self._contradicted = 0
             return joined(said, wheel, spread) if said.status is Tracking.DEGENERATE else said
@@ -126,10 +127,15 @@ class GatedOdometry:
                            status=Tracking.DEGENERATE)
         return _instead(said, se2(*wheel), covariance, f"{what}; took wheel")
 
-    def _seen_again(self, previous_from_body: np.ndarray) -> float:
-        """Share of the beams of the view before that this one sees again after such a motion; 0 below LEAST_SHARE."""
-        share = scan_share(self._scan, self._now, previous_from_body, fine=True)
-        return share if share >= LEAST_SHARE else 0.0
+    def _borne_out(self, wheels: np.ndarray, vision: np.ndarray) -> bool:
+        """Whether the wheels' motion (4x4) is seen in the scan, and some of it by theirs alone: what stands still, beside
+        somebody who moves along. Where wheels spin the scan shows nothing that vision does not."""
+        again, else_ = (ends_again(self._scan, self._now, moved, fine=True) for moved in (wheels, vision))
+        told = np.isfinite(again)
+        both = told & np.isfinite(else_)
+        if not both.any() or again[told].mean() < LEAST_SHARE:
+            return False
+        return bool((again[both] > else_[both]).mean() > MORE_SHARE)
 
     def _without_wheels(self, said: Motion, elapsed_s: float) -> Motion:
         """Refuse a leap: no body changes its speed so much between two views."""

@@ -104,6 +104,15 @@ def test_where_wheels_are_doubted_less_the_scan_decides():
         assert planar(motion.previous_from_body) == pytest.approx(wheel if replaced else [-0.105, 0.0, 0.2])
 
 
+@pytest.mark.parametrize(("moved_m", "known"), [(-0.2, True), (0.0, False)])
+def test_a_robot_that_backs_off_before_somebody_who_follows_is_told_from_wheels_that_spin(moved_m, known):
+    """Vision stands still before a third of the fan that comes along; two thirds tell whether the robot moved."""
+    part = GatedOdometry(Told(said(0.0)), Gate())
+    part.update(Observation(0, 5.0, CAMERA, scan=_room(0.0, 0.0, 0.0, 0.9)))
+    motion = part.update(Observation(1, 5.1, CAMERA, wheel=np.array([-0.2, 0.0, 0.0]), scan=_room(moved_m, 0.0, 0.0, 0.9)))
+    assert motion.replaced == known and motion.previous_from_body[0, 3] == pytest.approx(-0.2 if known else 0.0)
+
+
 def test_an_unsure_motion_is_not_refused_for_the_same_difference() -> None:
     unsure = replace(said(0.9), covariance=np.diag([0.3, 0.3, 0.3, 0.1, 0.1, 0.1]) ** 2)
     assert through([unsure], [AHEAD])[0].status is Tracking.OK

@@ -65,9 +65,21 @@ def scan_share(
 ) -> float:
     """Share of the ends of the last scan that this one sees again after a motion (4x4, body), of those that both views hold;
     NaN where they are too few to tell. fine: by the narrow limits."""
+    again = ends_again(last, seen, previous_from_body, s, fine=fine)
+    told = np.isfinite(again)
+    return float(again[told].mean()) if told.any() else float("nan")
+
+
+def ends_again(
+    last: Scan | None, seen: Scan | None, previous_from_body: np.ndarray, s: ContinuitySettings = USUAL, *,
+    fine: bool = False
+) -> np.ndarray:
+    """(N,) of each beam of the last scan 1 if this one sees its end again after a motion, 0 if not, NaN where it holds none
+    or looks elsewhere; NaN in all where they are too few to tell."""
+    none = np.full(0 if last is None else len(last.ranges_m), np.nan)
     if last is None or seen is None:
-        return float("nan")
-    known = np.isfinite(last.ranges_m) & (last.ranges_m < last.max_range_m)
+        return none
+    known = np.flatnonzero(np.isfinite(last.ranges_m) & (last.ranges_m < last.max_range_m))
     reach, bearing = last.ranges_m[known, None].astype(float), last.bearings_rad[known].astype(float)
     ends = reach * np.stack([np.cos(bearing), np.sin(bearing)], axis=1) + last.origin_xy_m
     body_from_previous = inverse(previous_from_body)
@@ -76,11 +88,12 @@ def scan_share(
     inside = (bearing >= seen.bearings_rad.min(initial=0.0)) & (bearing <= seen.bearings_rad.max(initial=0.0))
     beside = np.searchsorted(seen.bearings_rad, bearing)[:, None] + np.arange(-2, 2)  # edges: one of the beams there
     if inside.sum() < s.telling_beams:
-        return float("nan")
+        return none
     there = seen.ranges_m[np.clip(beside, 0, len(seen.bearings_rad) - 1)]
-    known = inside & np.isfinite(there).all(axis=1)
-    if known.sum() < s.telling_beams:
-        return float("nan")
-    there, reach = there[known], np.hypot(drawn[known, 0], drawn[known, 1])
+    told = inside & np.isfinite(there).all(axis=1)
+    if told.sum() < s.telling_beams:
+        return none
+    there, reach = there[told], np.hypot(drawn[told, 0], drawn[told, 1])
     slack = s.fine_beam_m + s.fine_beam_share * reach if fine else s.beam_m + s.beam_share * reach
-    return float(np.mean((reach > there.min(axis=1) - slack) & (reach < there.max(axis=1) + slack)))
+    none[known[told]] = (reach > there.min(axis=1) - slack) & (reach < there.max(axis=1) + slack)
+    return none
