@@ -168,7 +168,7 @@ def plugin_leaks(bench: Bench) -> None:
         return process.poll() is not None
 
     bench.wait(over, 200.0)
-    answer = bench.ends(process, 3, says="30 of 30 jobs did not end well")
+    answer = bench.ends(process, 3, says="30 of 30 jobs did not do all that was asked")
     ended = {(row["status"], row["reason"]) for row in answer.rows().values()}
     assert ended == {("ok", "")}  # that went well, and found no valid path
     middle, late = ([one for one in held if low <= one[0] < low + 10] for low in (5, 20))

@@ -223,7 +223,7 @@ def test_the_scan_of_a_lidar_is_the_nearest_point_of_its_band_on_each_bearing(tm
 
 def test_a_lidar_without_clouds_is_refused_with_what_to_type(tmp_path):
     folder = clouds(tmp_path / "drive", way(2))
-    with pytest.raises(rhs.RhsError, match="sensor=rgbd needs .*, which source=replay does not provide; type .*lidar"):
+    with pytest.raises(rhs.RhsError, match="sensor=rgbd needs .*, which source=replay does not provide.*; type .*lidar"):
         rhs.run(["task=survey", "source=replay", f"source.path={folder}", "sensor=rgbd", f"output={tmp_path / 'run'}"])
 
 
