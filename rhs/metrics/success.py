@@ -84,7 +84,7 @@ def late_views(row: Mapping[str, object]) -> str:
         return ""
     side = "after" if late_s > 0.0 else "before"
     return (f"by their turns the views come {abs(late_s):.2g} s {side} the wheels' readings "
-            f"(of a bag: source.views_late_s={late_s:.2g} puts it right)")
+            f"(of a bag: source.views_late_s={late_s:.2g}, or so much more than was typed, puts it right)")
 
 
 def vision_led(row: Mapping[str, object]) -> bool:

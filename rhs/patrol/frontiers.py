@@ -86,7 +86,7 @@ class Frontiers:
         # if the unknown turns out free, and the walls are a cell further apart than they were drawn from afar
         passable = ~configuration_space(~(free | self.unknown), max(0.0, growth - 1.0))
         self.wall = ~(free | self.unknown)
-        tried = np.sum([np.zeros(grid.shape, int), *(look.seen for look in looks)], axis=0) >= MOST_LOOKS
+        tried = sum((look.seen for look in looks), np.zeros(grid.shape, int)) >= MOST_LOOKS
         edge = free & binary_dilation(self.unknown) & ~tried
         regions, _ = label(edge, structure=np.ones((3, 3)))
         sizes = np.bincount(regions.ravel())  # of a doorway the robot's middle may fit through a cell or two alone

@@ -125,7 +125,7 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
             write_json(folder / "moving.json", moving_rows(world.moving))
     level = "full" if config.recording == "auto" else config.recording
     if watch is not unwatched:
-        _foretell(bytes_a_view(level, parts.source.camera, parts.provides), parts.source.views_expected or 0)
+        _foretell(level, bytes_a_view(level, parts.source.camera, parts.provides), parts.source.views_expected or 0)
     recorder = Recorder(folder / "run.mcap", level, parts.source.camera, facts, config=to_plain(config),
                         timed=parts.source.timed)
     listeners: list[Listener] = [recorder if level == "off" else Beside(recorder)]
@@ -134,11 +134,12 @@ def open_log(config: RunConfig, parts: Parts, world: World | None, folder: Path,
     return RunLog(folder, StepTable(folder), Audience(listeners), watch, in_world, world if in_world else None)
 
 
-def _foretell(view_bytes: float, views: int) -> None:
-    """Say how large the recording of a survey will be, where it is large."""
+def _foretell(level: str, view_bytes: float, views: int) -> None:
+    """Say how large the recording of a survey will be, where it is large, and what makes it smaller."""
     if view_bytes * views >= SAID_BYTES:
-        log.warning("rhs: run.mcap takes about %.0f MB for the survey's %d views, and %.0f kB for each of the patrol's; "
-                    "recording=jpeg: half, recording=light: no images", views * view_bytes / 1e6, views, view_bytes / 1e3)
+        log.warning("rhs: run.mcap takes about %.0f MB for the survey's %d views, and %.0f kB for each of the patrol's; %s"
+                    "recording=light: no images", views * view_bytes / 1e6, views, view_bytes / 1e3,
+                    "" if level == "jpeg" else "recording=jpeg: half, ")
 
 
 def write_reach(log: RunLog, truth: np.ndarray | None) -> None:

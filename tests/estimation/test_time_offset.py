@@ -40,6 +40,14 @@ def test_a_way_straight_on_or_a_short_one_tells_nothing():
     assert np.isnan(time_offset_s(stamps, 0.01 * seen, 0.01 * told))
     assert np.isnan(time_offset_s(stamps[:15], seen[:15], told[:15]))
     assert np.isnan(time_offset_s(stamps, np.full(len(stamps), np.nan), told))
+    assert np.isnan(time_offset_s(np.zeros(len(stamps)), seen, told))  # nobody stamped them
+
+
+def test_where_only_the_end_was_seen_offsets_beyond_it_do_not_count():
+    """30 views of 200; an offset of 3 s leaves none of them within the wheels' time, and no warning."""
+    stamps, seen, told = turns(0.3)
+    seen[:-30] = np.nan
+    assert time_offset_s(stamps, seen, told) == pytest.approx(0.3, abs=0.03)
 
 
 def test_views_without_an_answer_are_left_out_and_wheels_without_one_stood_still():

@@ -268,4 +268,4 @@ def test_views_that_come_after_the_wheels_are_known_by_their_turns(late: int, ti
         part.update(Observation(index, 5.0 + 0.1 * index, CAMERA, wheel=np.array([0.1, 0.0, yaw])))
     assert part.views_late_s() == pytest.approx(said_of, abs=0.02, nan_ok=True)
     fault = success_of({"status": "ok", "tracked_share": 1.0, "views_late_s": part.views_late_s()})[1]
-    assert ("source.views_late_s=0.3 " in fault) == (said_of > 0.0)
+    assert ("source.views_late_s=0.3, " in fault) == (said_of > 0.0)

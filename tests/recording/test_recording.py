@@ -80,10 +80,14 @@ def test_how_large_a_recording_will_be_is_known_beforehand(tmp_path, level):
 
 
 def test_a_large_recording_is_spoken_of_and_a_small_one_is_not(caplog):
-    _foretell(0.2e6, 400)
+    _foretell("full", 0.2e6, 400)
     assert "run.mcap takes about 80 MB for the survey's 400 views, and 200 kB for each of the patrol's" in caplog.text
+    assert "recording=jpeg: half, recording=light" in caplog.text
     caplog.clear()
-    _foretell(0.2e6, 0), _foretell(100.0, 400)
+    _foretell("jpeg", 0.1e6, 400)
+    assert "40 MB" in caplog.text and "recording=jpeg" not in caplog.text, "what was typed helps no more"
+    caplog.clear()
+    _foretell("full", 0.2e6, 0), _foretell("full", 100.0, 400)
     assert not caplog.text
 
 

@@ -16,7 +16,7 @@ import numpy as np
 LEAST_VIEWS = 20  # with a turn of both
 LEAST_TURN_RAD = 0.01  # in the mean of a view: less tells nothing of when
 MOST_S, MOST_SHARE = 3.0, 0.25  # the largest offset looked for; of the way's time at most so much
-STEPS = 8  # tried between two views
+STEPS = 8  # to a view, about the best whole number of views
 OUTLIER_RAD = 0.1  # a difference counts no more than this
 LEAST_OFFSET = 0.25  # of the time between two views
 LEAST_GAIN = 0.4  # of the mean difference that the offset must explain
@@ -34,18 +34,27 @@ def time_offset_s(stamps_s: np.ndarray, seen_rad: np.ndarray, told_rad: np.ndarr
     if len(both) < LEAST_VIEWS or np.abs(told_rad[both]).mean() < LEAST_TURN_RAD:
         return float("nan")
     usual_s = float(np.median(np.diff(stamps_s)))
-    most = int(min(MOST_S, MOST_SHARE * (stamps_s[-1] - stamps_s[0])) / usual_s * STEPS)
+    if not usual_s > 0.0:
+        return float("nan")
     heading = np.cumsum(np.where(np.isfinite(told_rad), told_rad, 0.0))
-    tried_s = np.arange(-most, most + 1) * usual_s / STEPS
-    apart = np.array([_apart(stamps_s, seen_rad, heading, both, offset_s) for offset_s in tried_s])
-    best, none = int(np.argmin(apart)), most
-    clear = apart[best] < (1.0 - LEAST_GAIN) * apart[none] and abs(tried_s[best]) >= LEAST_OFFSET * usual_s
-    return float(tried_s[best]) if clear else 0.0
+
+    def best_of(tried_s: np.ndarray) -> tuple[float, float]:
+        apart = [_apart(stamps_s, seen_rad, heading, both, offset_s) for offset_s in tried_s]
+        return float(tried_s[np.argmin(apart)]), min(apart)
+
+    most = int(min(MOST_S, MOST_SHARE * (stamps_s[-1] - stamps_s[0])) / usual_s)
+    near_s, _ = best_of(usual_s * np.arange(-most, most + 1))
+    found_s, apart = best_of(near_s + usual_s * np.arange(-STEPS, STEPS + 1) / STEPS)
+    clear = apart < (1.0 - LEAST_GAIN) * _apart(stamps_s, seen_rad, heading, both, 0.0)
+    return found_s if clear and abs(found_s) >= LEAST_OFFSET * usual_s else 0.0
 
 
 def _apart(stamps_s: np.ndarray, seen_rad: np.ndarray, heading: np.ndarray, views: np.ndarray, offset_s: float) -> float:
-    """Mean absolute difference of the turns if what was seen is offset_s late, radians; over the views that both know."""
+    """Mean absolute difference of the turns if what was seen is offset_s late, radians, over the views that both know;
+    OUTLIER_RAD where there are none."""
     then = np.interp(stamps_s - offset_s, stamps_s, heading)
     inside = (stamps_s[views - 1] - offset_s >= stamps_s[0]) & (stamps_s[views] - offset_s <= stamps_s[-1])
     views = views[inside]
+    if not len(views):
+        return OUTLIER_RAD
     return float(np.minimum(np.abs(seen_rad[views] - then[views] + then[views - 1]), OUTLIER_RAD).mean())
