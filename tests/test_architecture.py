@@ -55,7 +55,6 @@ SHALLOW = {
     "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each",
     "testing.slams": "one kind of plugin each",
     "worlds.round_trip": "the travelling salesman, apart",
-    "estimation.filters.time_offset": "temporal calibration: the gate that asks only notes turns",
     "patrol.ends": "where in a cell beams end: arithmetic of a grid, apart from what stands round the robot",
     "worlds.random.hall": "one family of buildings each",
 }
