@@ -47,11 +47,11 @@ class Blame(Patrol):
             raise ConfigError(f"links={self.links}: expected one or more different words of {', '.join(LINKS)}")
 
     def build(self, context: RunContext) -> BlameJob:  # type: ignore[override]
-        from rhs.patrol.job import with_obstacles, with_people
+        from rhs.patrol.job import since_survey
 
         from .job import BlameJob
 
         world = context.floor_plan()
         if world is None:
             raise ConfigError("task=blame needs a world that can be driven in again; a recording cannot")
-        return BlameJob(self, context, with_people(with_obstacles(world, self.obstacles), self.people))
+        return BlameJob(self, context, since_survey(world, self, context.seed))

@@ -151,7 +151,8 @@ def _check_names(values: dict[str, Any], choices: dict[str, str | None]) -> None
 
 
 # words that a recording has no use for
-OF_A_DRIVE = ("planner", "localiser", "replan", "mission", "obstacles", "people", "world")
+OF_A_DRIVE = ("planner", "localiser", "replan", "mission", "obstacles", "people", "obstacle_count", "moved_count",
+              "people_count", "world")
 
 
 def _check_of_use(config: RunConfig, words: Sequence[Any]) -> None:

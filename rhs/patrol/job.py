@@ -27,6 +27,7 @@ from rhs.estimation.views.camera_fit import contradictions_of, fit_camera
 from rhs.estimation.views.features import features
 from rhs.estimation.views.settings import CameraFitSettings
 from rhs.metrics.success import late_views, wheel_fault
+from rhs.worlds.counted import with_counted
 from rhs.worlds.maps import save_map
 from rhs.worlds.world_checks import walk_fault
 from rhs.worlds.world_moving import walkers
@@ -89,6 +90,13 @@ class PatrolJob(StepJob):
                 logger.warning("%s names no places, so nothing is patrolled after the survey; write places: {desk: [x, y]} "
                                "in its file", self.world.name)
             yield from patrol(self.parts, settings, survey, log, seed=self.context.seed, sights=sights)
+
+
+def since_survey(world: World, settings: Patrol, seed: int) -> World:
+    """The world with all that is otherwise when the patrol begins. Raises ConfigError for what cannot stand there."""
+    world = with_people(with_obstacles(world, settings.obstacles, at_start=explores(settings)), settings.people)
+    return with_counted(world, seed, obstacles=settings.obstacle_count, moved=settings.moved_count,
+                        people=settings.people_count)
 
 
 def with_obstacles(world: World, boxes: list[list[float]], *, at_start: bool = False) -> World:

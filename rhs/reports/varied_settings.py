@@ -41,7 +41,7 @@ def _varies(key: str, known: list[dict[str, object]]) -> bool:
 
 def is_setting(column: str) -> bool:
     """Whether a column of the table is a setting that differs between the runs."""
-    return "." in column or column in ("start", "goal", "obstacles")
+    return "." in column or column in ("start", "goal", "obstacles", "obstacle_count", "moved_count", "people_count")
 
 
 def settings_of(folder: Path | str) -> dict[str, object]:

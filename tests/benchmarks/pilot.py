@@ -29,7 +29,7 @@ from rhs.api.records import Belief, Motion, Tracking
 from rhs.base.provenance import commit
 from rhs.config.compose import compose_config
 from rhs.worlds.random.names import FAMILIES
-from rhs.worlds.random.obstacles import _with_box
+from rhs.worlds.random.obstacles import with_box
 
 SURE, KNOWN = 1e-6 * np.eye(6), 1e-4 * np.eye(6)
 STEP = np.array([0.002, 0.002, 0.001])  # of a motion, metres and radians
@@ -83,7 +83,7 @@ def main() -> int:
 
     def boxed(world: Any, rng: np.random.Generator) -> Any:
         for _ in range(options.boxes):
-            world = _with_box(world, rng)
+            world = with_box(world, rng)
         return world
 
     rhs.patrol.run.build = build

@@ -95,6 +95,7 @@ def test_a_value_arrives_as_it_was_typed(word, value):
     ("places=3", "places=3: places is a group of settings; write places.NAME=VALUE"),
     ("places.every=0", "places.every=0 is outside"),
     ("obstacles=[[1,2,3]]", "expected 4 finite numbers"),
+    ("obstacle_count=-1", "obstacle_count=-1 is outside"),
     ("obstacles=[[1,2,nan,1]]", "expected 4 finite numbers"),
     ("obstacles=[[1,2,-1,1]]", "obstacles.width_m=-1.0 is outside"),
     ("planner.samples.deep=3", "planner.samples is a single value"),

@@ -4,6 +4,7 @@ barrier that closes it; chairs, crates, bins and the like, moved or taken away."
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +31,7 @@ def with_drawn_obstacles(world: World, rng: np.random.Generator) -> World:
     if barrier:
         world = _barred(world, rng)
     for _ in range(int(rng.integers(0 if world.obstacles else 1, 3 if barrier else 4))):
-        world = _with_box(world, rng)
+        world = with_box(world, rng)
     return world
 
 
@@ -60,7 +61,7 @@ def reached(world: World, *, radius_m: float) -> list[str]:
     return [place[0] for place, (r, c) in zip(world.places, cells, strict=True) if here > 0 and regions[r, c] == here]
 
 
-def _with_box(world: World, rng: np.random.Generator) -> World:
+def with_box(world: World, rng: np.random.Generator) -> World:
     """One more box beside the survey's way that leaves a way past; none if all draws fail."""
     radius = world.robot_radius_m
     before = reached(after(world), radius_m=radius + 0.05)
@@ -128,6 +129,7 @@ def stands(world: World, middle: np.ndarray, size: tuple[float, float], yaw: flo
     """In the building, through no wall and no box, and off the robot's start, its waiting place and every place."""
     footprint = rectangle(middle, size, yaw)
     solid = [wall.segments_m for wall in world.walls] + [edges_of(box.corners_m) for box in world.boxes + world.obstacles]
+    solid += [] if world.mesh is None else [edges_of(outline) for outline in world.mesh.solid_m]
     if polygon_gaps_m(footprint, np.concatenate(solid)).min() <= 0.01:
         return False
     keep = np.array([world.start[:2], world.route_m[-1], *(place[1:] for place in world.places)])
@@ -152,7 +154,8 @@ def _put(world: World, box: Box) -> World:
 
 def movable(world: World) -> list[Box]:
     """The things that somebody moves without a second pair of hands."""
-    return [box for box in world.boxes if box.name.rpartition(" ")[0] in FREE_STANDING]
+    named = re.compile(rf"\b({'|'.join(FREE_STANDING)})\b")
+    return [box for box in world.boxes if named.search(re.sub(r"[_\d]+", " ", box.name))]
 
 
 def with_drawn_moves(world: World, rng: np.random.Generator) -> World:
@@ -161,8 +164,13 @@ def with_drawn_moves(world: World, rng: np.random.Generator) -> World:
     things = movable(world)
     for index in rng.permutation(len(things))[: int(rng.integers(1, 4))]:
         box = things[int(index)]
-        world = _taken(world, box) if rng.uniform() < TAKEN else _moved(world, box, rng)
+        world = rearranged(world, box, rng)
     return world
+
+
+def rearranged(world: World, box: Box, rng: np.random.Generator) -> World:
+    """The world in which that thing is moved or taken away."""
+    return _taken(world, box) if rng.uniform() < TAKEN else _moved(world, box, rng)
 
 
 def _taken(world: World, box: Box) -> World:

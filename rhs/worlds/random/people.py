@@ -22,25 +22,31 @@ TRIES = 40
 
 def with_drawn_people(world: World, rng: np.random.Generator, grid: OccupancyGrid,
                       clearance: np.ndarray) -> World:
-    """The world with people on free ways. They stop at both ends for up to eight seconds; none begins within 1.5 m of the
-    robot that waits for its patrol. Pets are shy: a level camera at a metre sees nothing so low nearer than two metres.
-    grid, clearance (H, W): the free space of the patrol, metres to the nearest thing."""
-    people: list[Person] = []
-    for number in range(1, int(rng.integers(1, 4)) + 1):
-        person = _walker(rng, number)
-        try:
-            ground = Ground(grid, clearance, 0.5 * person.width_m + ROOM_M, world.start)
-        except ConfigError:
+    """The world with one to three people on free ways. grid, clearance: as in `drawn_person`."""
+    drawn = [drawn_person(world, rng, number, grid, clearance) for number in range(1, int(rng.integers(1, 4)) + 1)]
+    people = tuple(person for person in drawn if person is not None)
+    return replace(world, moving=replace(world.moving, people=people))
+
+
+def drawn_person(world: World, rng: np.random.Generator, number: int, grid: OccupancyGrid,
+                 clearance: np.ndarray) -> Person | None:
+    """Somebody who walks there and back on a free way and stops at both ends for up to eight seconds; None if all draws
+    fail. Nobody begins within 1.5 m of the robot that waits for its patrol. Pets are shy: a level camera at a metre sees
+    nothing so low nearer than two metres. grid, clearance (H, W): the free space of the patrol, metres to the nearest
+    thing."""
+    person = _walker(rng, number)
+    try:
+        ground = Ground(grid, clearance, 0.5 * person.width_m + ROOM_M, world.start)
+    except ConfigError:
+        return None
+    for _ in range(TRIES):
+        way = _way(ground, rng)
+        if way is None or np.hypot(*(way[0] - world.route_m[-1])) < 1.5:
             continue
-        for _ in range(TRIES):
-            way = _way(ground, rng)
-            if way is None or np.hypot(*(way[0] - world.route_m[-1])) < 1.5:
-                continue
-            drawn = replace(person, path_m=np.vstack([way, way[-2:0:-1]]), pauses_s=_pauses(len(way), rng))
-            if not path_fault(after(world), drawn):
-                people.append(drawn)
-                break
-    return replace(world, moving=replace(world.moving, people=tuple(people)))
+        drawn = replace(person, path_m=np.vstack([way, way[-2:0:-1]]), pauses_s=_pauses(len(way), rng))
+        if not path_fault(after(world), drawn):
+            return drawn
+    return None
 
 
 def _walker(rng: np.random.Generator, number: int) -> Person:
