@@ -248,6 +248,6 @@ def test_people_walk_in_the_counterfactuals_too(monkeypatch):
     from rhs.worlds.world import load_world
 
     monkeypatch.setattr(job, "BlameJob", lambda settings, context, world: world)
-    context = SimpleNamespace(floor_plan=lambda: load_world("square_small"))
+    context = SimpleNamespace(floor_plan=lambda: load_world("square_small"), seed=0)
     world = Blame(people=[[3.0, 1.0, 6.0, 1.0]], obstacles=[[5.0, 6.6, 0.3, 0.3]]).build(context)
     assert len(world.moving.people) == 1 and len(world.obstacles) == 1
