@@ -4,7 +4,8 @@ Truth decides one thing only, as for places_visited: a robot that says it has ar
 The first mission that did not end at its place is looked at, from its beginning to its end; what was unbroken when it
 began is counted as of its beginning. Each link is named once, where it first complained, in the order in which they did.
 Where neither odometry nor localiser complained in it of more than the map, what they said in the survey is counted: the map
-is of then.
+is of then. A place that was never seen also asks why the exploration ended; a robot that was carried off in an earlier
+mission and whose localiser never doubted itself since is said to have been.
 """
 
 from __future__ import annotations
@@ -55,6 +56,9 @@ def cause(run: RunFiles) -> str:
     said = [words for step in of_mission(patrol, failed) for link, words in complaints(step) if link in ESTIMATORS]
     if set(said) <= {OF_THE_MAP}:
         sequence = said_in(survey) + sequence
+    explored = run.json("explore")
+    if explored and str(failed["reason"]).endswith("never_seen"):
+        sequence.insert(0, f"the exploration ended after {explored['views']} views ({explored['stop']})")
     if late := late_views(run.json("closure") or {}):
         sequence.insert(0, f"in the survey, {late}")
     return f"{what}; " + (", then ".join(sequence[:MOST_WORDS]) if sequence else "no part complained before")
@@ -90,7 +94,22 @@ def first_failed(missions: list[dict[str, Any]], patrol: Sequence[Step]) -> dict
 def first_of_failed(patrol: Sequence[Step], missions: list[dict[str, Any]]) -> list[tuple[int, str]]:
     """(view, what was said) of each link that complained in the first mission that failed, in the order of the views."""
     failed = first_failed(missions, patrol)
-    return [] if failed is None else first_complaints(patrol, of_mission(patrol, failed))
+    if failed is None:
+        return []
+    own = of_mission(patrol, failed)
+    return carried_off_unnoticed(patrol, own) + first_complaints(patrol, own)
+
+
+def carried_off_unnoticed(patrol: Sequence[Step], own: Sequence[Step]) -> list[tuple[int, str]]:
+    """(view, words) of the last time before the views of a mission that somebody carried the robot off, where its localiser
+    called itself nothing but tracking since; else none."""
+    begun = int(own[0]["index"]) if own else 0
+    for step in reversed([step for step in patrol if int(step["index"]) < begun]):
+        if step["belief_status"] != "tracking":
+            break
+        if "kidnapped" in step["event"].split("+"):
+            return [(int(step["index"]), OF_EVENT["kidnapped"])]
+    return []
 
 
 def first_complaints(patrol: Sequence[Step], own: Sequence[Step]) -> list[tuple[int, str]]:

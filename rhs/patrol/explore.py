@@ -211,11 +211,15 @@ class Explorer(Sentinel):
                 self.queued = turns(self._round(), self.pace)
                 return False
             if not self.stop:
-                self.facing_rad = float(self._frontiers().seen_m2(self.grid.cells(pose[None, :2]))[1][0])
+                self.facing_rad = self._best_facing(self._frontiers(), pose[:2])
             off = float(wrap(self.facing_rad - pose[2])) / self.pace.turn_step_rad
             count = int(np.ceil(abs(off) - 0.25))
             self.queued = turns([off / count] * count if count > 0 else [], self.pace)
         return not self.queued
+
+    def _best_facing(self, frontiers: Frontiers, at_m: np.ndarray) -> float:
+        """The heading in which most unknown ground is seen from at_m (2,), radians."""
+        return float(frontiers.seen_m2(self.grid.cells(at_m[None]))[1][0])
 
     # --- the sentinel's missions -------------------------------------------------------------------------------------
 
@@ -230,7 +234,10 @@ class Explorer(Sentinel):
         if self.book.missions[-1].place == HOME and status is not MissionStatus.ARRIVED:
             self.stop += f"; home not reached: {reason}"
         elif not self.stop and (self.faced or status is not MissionStatus.ARRIVED):
-            self.looks.append(Look(goal_m, self._frontiers().looked_at(goal_m, self.facing_rad)))
+            frontiers = self._frontiers()
+            if not self.faced:  # it did not get there; what it would have turned to is not worth another try from there
+                self.facing_rad = self._best_facing(frontiers, goal_m)
+            self.looks.append(Look(goal_m, frontiers.looked_at(goal_m, self.facing_rad)))
         super()._finish(status, reason, events)
 
 

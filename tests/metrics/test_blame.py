@@ -201,6 +201,24 @@ def test_a_robot_that_says_it_has_arrived_and_stands_elsewhere_has_failed():
     assert cause(run).startswith("hall: lost")
 
 
+def test_a_robot_that_was_carried_off_before_and_did_not_notice_is_said_to_have_been():
+    missions = [{"mission": 1, "place": "hall", "status": "skipped", "reason": ""},
+                {"mission": 2, "place": "kitchen", "status": "arrived", "reason": "", "goal_m": [1.0, 2.0]}]
+    patrol = [step(4, event="kidnapped"), step(5, true_x_m="4.0"),
+              step(6, mission="2", true_x_m="4.0"), step(7, mission="2", true_x_m="4.0", event="arrived")]
+    run = SimpleNamespace(steps=patrol, json={"missions": missions}.get)
+    said = "kitchen: the robot said that it had arrived, 3.0 m from it; "
+    assert cause(run) == said + "view 4 somebody carried the robot off"
+    patrol[1]["belief_status"] = "lost"  # it noticed, and found itself again where it is not
+    assert cause(run) == said + "no part complained before"
+
+
+def test_a_place_that_nobody_saw_asks_why_the_exploration_ended():
+    run = failed_run([step(0, phase="survey"), step(1)])
+    run.json = {"missions": run.json("missions"), "explore": {"views": 9, "stop": "no frontier"}}.get
+    assert cause(run) == "kitchen: no path: never_seen; the exploration ended after 9 views (no frontier)"
+
+
 def failed_run(views, **closure):
     missions = [{"mission": 1, "place": "kitchen", "status": "gave_up", "reason": "no path: never_seen"}]
     return SimpleNamespace(steps=views, json={"missions": missions, "closure": closure}.get)

@@ -54,10 +54,21 @@ def house(doors: bool = True) -> np.ndarray:
     return occupied
 
 
-def explore(world, *, limit=1500, visit=(), **settings):
+class Nowhere(Roads):
+    """A planner that finds no way to anywhere, and is not asked for ever."""
+
+    asked = 0
+
+    def plan(self, problem):
+        self.asked += 1
+        assert self.asked < 1000, "one decision asks for ever"
+        return Path(PlanReason.DISCONNECTED, np.zeros((0, 2)), np.zeros((0, 2)))
+
+
+def explore(world, *, limit=1500, visit=(), planner=None, **settings):
     """(explorer, steps) of a survey that ended by itself."""
-    parts = SimpleNamespace(source=world, mapper=OccupancyMapper(Occupancy(), world.facts.bounds_m), planner=Roads(),
-                            localiser=None, replan=None, slam=None, who=None)
+    parts = SimpleNamespace(source=world, mapper=OccupancyMapper(Occupancy(), world.facts.bounds_m),
+                            planner=planner or Roads(), localiser=None, replan=None, slam=None, who=None)
     mission = MissionSettings(turn="pivot", advanced=MissionAdvanced(explore=ExploreSettings(**settings)))
     explorer = Explorer(parts, mission, visit=visit)
     out = []
@@ -92,6 +103,11 @@ def test_in_a_closed_room_nothing_is_left_after_a_look_round():
     explorer, out = explore(Flatland(occupied, START, ()))
     assert explorer.stop == "no frontier"
     assert np.isnan(explorer._drawn().probability[35:, 5:]).all(), "nobody has seen the rooms behind the wall"
+
+
+def test_viewpoints_to_which_no_plan_leads_are_not_chosen_for_ever():
+    explorer, out = explore(Flatland(house(), START, ()), planner=Nowhere())
+    assert explorer.stop.startswith("no frontier") and len(out) < 200
 
 
 def test_the_budget_of_views_sends_it_home():
