@@ -140,13 +140,7 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     along_rays = deep and files[0][1].suffix == povray.DEPTH
     said = settings.depth_scale or (1.0 if along_rays else depth_scale_beside(path))
     scale, typed = said or DEPTH_SCALE, bool(said)
-    first = read_color(files[0][0])
-    if is_wide(files[0][0]) and (shades := len(np.unique(first))) < FEW_SHADES:
-        log.warning("%s: its images of 16 bits use a small part of them (a thermal camera's?), %d shades of 256: stretch "
-                    "all alike: mogrify -level LOW%%,HIGH%% -depth 8 *.png", path.name, shades)
-    mosaic = has_mosaic(first)
-    if mosaic:
-        log.warning("%s: its images are the raw mosaic of a Bayer filter; they are smoothed into grey ones", path.name)
+    first, mosaic = _first_image(files[0][0], path.name)
     size = (first.shape[1], first.shape[0])
     recorded = intrinsics_beside(path, size) if settings.camera == "auto" else None
     camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(path)), settings)
@@ -177,13 +171,7 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
         check_pair(image, depth, files[i][0].name)
         return {"image": image, "depth": depth}
 
-    numbers = [number for number, _ in colors]
-    timed = bool(settings.rate_hz or _times_beside(path, settings)) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
-    beside = poses_beside(path)
-    if along_rays and beside is None and not settings.truth:
-        true, counts = povray.truth_of([color for _, color in colors], scale), Counter[str]()
-    else:
-        true, counts = truth_of(beside, settings, numbers, untimed=not timed)
+    true, counts, timed = _true_poses(path, colors, settings, scale if along_rays else None)
     camera_from_body = inverse(camera.body_from_camera)
 
     def pose(i: int) -> np.ndarray | None:
@@ -192,6 +180,29 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     provides = frozenset({"image", "gray", "depth"} if deep else {"image", "gray"})
     return led(Listed(str(path), stamps, read, camera, provides, pose, rejected + counts, timed=timed),
                settings)
+
+
+def _first_image(file: Path, where: str) -> tuple[np.ndarray, bool]:
+    """The first colour image, and whether it is a raw mosaic; what is odd about it is said."""
+    first = read_color(file)
+    if is_wide(file) and (shades := len(np.unique(first))) < FEW_SHADES:
+        log.warning("%s: its images of 16 bits use a small part of them (a thermal camera's?), %d shades of 256: stretch "
+                    "all alike: mogrify -level LOW%%,HIGH%% -depth 8 *.png", where, shades)
+    mosaic = has_mosaic(first)
+    if mosaic:
+        log.warning("%s: its images are the raw mosaic of a Bayer filter; they are smoothed into grey ones", where)
+    return first, mosaic
+
+
+def _true_poses(path: Path, colors, settings, ray_scale: float | None):
+    """(true pose of a view by number and stamp, counts, whether the views have times). ray_scale: of depth along rays
+    (POV-Ray), beside which the poses lie."""
+    numbers = [number for number, _ in colors]
+    timed = bool(settings.rate_hz or _times_beside(path, settings)) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
+    beside = poses_beside(path)
+    if ray_scale is not None and beside is None and not settings.truth:
+        return povray.truth_of([color for _, color in colors], ray_scale), Counter[str](), timed
+    return (*truth_of(beside, settings, numbers, untimed=not timed), timed)
 
 
 def _first_depth(color: np.ndarray, depth: np.ndarray, where: str, scale: float) -> tuple[int, int] | None:
