@@ -69,4 +69,4 @@ def _publish(accounts: list[dict[str, Any]], dial: Any, folder: Path) -> None:
     from rhs.reports.export import write_text
 
     write_text(folder / "break.json", json.dumps(accounts, indent=1) + "\n")
-    threshold_picture(accounts, dial.value, folder / "break.png")
+    threshold_picture(accounts, dial, folder / "break.png")

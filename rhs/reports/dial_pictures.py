@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.files import write_whole
-from rhs.metrics.threshold import fit, three_digits
+from rhs.metrics.threshold import Dial, fit, three_digits
 from rhs.plots import new_figure, save
 
 SHOWN = 12  # combinations in one picture
@@ -18,9 +18,9 @@ DARK = 0.55  # of the colours: below it letters are white
 COLOURS = ("#2a6f97", "#b03a48", "#2a9d5c", "#e0912f", "#7b5ea7", "#555555")
 
 
-def threshold_picture(accounts: Sequence[Mapping[str, Any]], dial_value: Any, path: Path) -> Path:
+def threshold_picture(accounts: Sequence[Mapping[str, Any]], dial: Dial, path: Path) -> Path:
     """A row for each combination: curve with its 95 % band, outcomes as ticks (up: success), the break point with its
-    interval. dial_value: level (share of the dial) -> value of the setting."""
+    interval."""
     shown = accounts[:SHOWN]
     figure = new_figure(9.0, 1.2 + 1.5 * len(shown))
     panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
@@ -40,8 +40,8 @@ def threshold_picture(accounts: Sequence[Mapping[str, Any]], dial_value: Any, pa
         axes.set(ylim=(-0.15, 1.15), xlim=(-0.02, 1.02), yticks=[0.0, 0.5, 1.0])
         axes.set_title(f"{account['combination']}: {account['says']}; {account['runs']} runs", fontsize=9)
         axes.set_ylabel("success", fontsize=8)
-    ticks = np.linspace(0.0, 1.0, 6)
-    panels[-1].set_xticks(ticks, [three_digits(dial_value(tick)) for tick in ticks])
+    values = list(dict.fromkeys(dial.value(tick) for tick in np.linspace(0.0, 1.0, 6).tolist()))
+    panels[-1].set_xticks([dial.level(value) for value in values], [three_digits(value) for value in values])
     panels[-1].set_xlabel(f"{accounts[0]['dial']} (ticks: runs that succeeded above, that failed below; band: 95 %)",
                           fontsize=8)
     return write_whole(path, lambda where: save(figure, where))

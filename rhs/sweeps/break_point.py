@@ -36,6 +36,7 @@ class Search:
     known: Posterior = field(default_factory=Posterior)
     tried: list[tuple[float, bool]] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -151,12 +152,16 @@ def learn(search: Search, level: float, row: Mapping[str, Any], where: str) -> N
     search.tried.append((level, success == 1.0))
     if success != 1.0:
         search.reasons.append(str(row.get("failure") or row.get("reason") or ""))
+    if row["status"] == "refused":
+        search.refused.append(str(row.get("reason") or ""))
 
 
 def account(search: Search, dial: Dial) -> dict[str, Any]:
     """What is known of one combination, in units of the dial."""
     known = search.known.summary()
     why = "" if any(succeeded for _, succeeded in search.tried) else Counter(search.reasons).most_common(1)[0][0]
+    if search.refused and not why:
+        why = f"{len(search.refused)} of {len(search.tried)} were refused, not driven: {search.refused[0]}"
     return {"combination": search.name, "dial": dial.key, **_in_units(known, dial, why), "withstood": withstood(known),
             "tried": [[dial.value(level), succeeded] for level, succeeded in search.tried],
             "levels": [[level, succeeded] for level, succeeded in search.tried]}

@@ -89,3 +89,12 @@ def test_where_nothing_succeeds_the_reason_is_told():
     assert account(search, dial)["says"].endswith(": odometry=mine failed in my.py:3")
     learn(search, 0.1, {"status": "ok", "success": 1.0}, "here")
     assert "my.py" not in account(search, dial)["says"]
+
+
+def test_runs_that_were_refused_are_told_apart_from_those_that_failed():
+    """A dial that a world cannot turn ends where it begins, and no part is to blame."""
+    search, dial = Search("mine", []), Dial("moved_count", 0.0, 4.0, whole=True)
+    refused = {"status": "refused", "success": 0.0, "reason": "moved_count=2: square_small has none"}
+    for level, row in ((0.0, {"status": "ok", "success": 1.0}), (0.5, refused), (1.0, refused)):
+        learn(search, level, row, "here")
+    assert account(search, dial)["says"].endswith(": 2 of 3 were refused, not driven: moved_count=2: square_small has none")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rhs.api.floorplan import after
+from rhs.base.errors import ConfigError
 from rhs.worlds.counted import with_counted
 from rhs.worlds.random.obstacles import reached
 from rhs.worlds.world import load_world
@@ -39,4 +40,20 @@ def test_what_is_moved_is_furniture_that_one_moves_and_too_many_are_said(caplog)
     with caplog.at_level(logging.WARNING):
         changed = with_counted(world, 3, moved=4).changes
     assert [*changed.removed, *(name for name, *_ in changed.moved)] == ["coffee_table"]
-    assert "moved_count=4: 1 things that are moved: coffee table, chair" in caplog.text
+    assert "moved_count=4: of what is moved (coffee table, chair, crate, plant, bin, bench) home has 1" in caplog.text
+
+
+CLOSET = """
+start: [0.5, 0.5, 0]
+walls: [{name: outer, points_m: [[0, 0], [2.2, 0], [2.2, 1], [0, 1], [0, 0]]}]
+places: {end: [1.7, 0.5]}
+route_m: [[0.5, 0.5], [1.7, 0.5]]
+"""
+
+
+@pytest.mark.parametrize("kind", ["moved", "obstacle", "people"])
+def test_what_would_do_nothing_is_refused(tmp_path, kind):
+    path = tmp_path / "closet.yaml"
+    path.write_text(CLOSET)
+    with pytest.raises(ConfigError, match=f"^{kind}_count=2: .*closet.* none; leave it out, or name another world$"):
+        with_counted(load_world(path), 0, **{"obstacles" if kind == "obstacle" else kind: 2})
