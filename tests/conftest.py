@@ -13,6 +13,8 @@ from rhs.base.processes import BLAS, NUMPY, steady
 if "numpy" not in sys.modules:  # rows of this process are those of the command line
     os.environ |= {name: value for name, value in steady().items() if name in (BLAS, NUMPY)}
 
+os.environ["RHS_CACHE_MB"] = "0"  # no test takes a survey of another, or leaves one; those of the cache say where
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(Path(__file__).parent))  # helpers beside the tests are importable
 

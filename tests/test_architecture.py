@@ -42,7 +42,7 @@ SHORT = 60
 SHALLOW = {
     "worlds.house_expo": "one form of file, read as a mesh or a scene is, each in its own",
     "worlds.near_walls": "the middle of a hall left out of a survey: no business of who reads a file",
-    "cli.blame": "a command", "cli.check": "a command",
+    "cli.blame": "a command", "cli.cache": "a command", "cli.check": "a command",
     "estimation.views.thumbnail_kernels": "compiled code, imported when needed",
     "estimation.views.thinning": "which places of many; the survey that asks knows nothing of distances between poses",
     "metrics.recording": "a provider of columns, found by its entry point",

@@ -9,6 +9,7 @@ image needs to know that there was a pair.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -47,6 +48,14 @@ class StereoPair:
         self.focal_m_px = self._view.fx * self.baseline_m
         least = settings.disparity_sigma_px / settings.depth_error_share
         self.max_range_m = min(settings.max_range_m or np.inf, self.focal_m_px / least)
+        self._matcher = self._made()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle: OpenCV's matcher is made anew."""
+        return {name: value for name, value in vars(self).items() if name != "_matcher"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
         self._matcher = self._made()
 
     def _rectify(self, right: Camera, right_from_left: np.ndarray) -> None:

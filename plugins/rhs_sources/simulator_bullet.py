@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from typing import Any
 
 _ONE = threading.RLock()  # the streams are one for all threads: two that took them away would give back the void
 
@@ -43,7 +44,8 @@ with quiet():
 
 
 class Client:
-    """A PyBullet world of its own. `close` it."""
+    """A PyBullet world of its own. `close` it. It belongs to its process: it is not pickled, unless whoever inherits builds
+    it anew."""
 
     def __init__(self) -> None:
         with quiet():
@@ -55,6 +57,9 @@ class Client:
             with quiet():
                 pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("a PyBullet world belongs to its process")
 
 
 __all__ = ["Client", "pybullet", "quiet"]

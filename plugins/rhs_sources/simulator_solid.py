@@ -6,6 +6,8 @@ Kept in a client of its own: PyBullet draws every solid body that has no picture
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rhs.api.floorplan import Box, Person, Wall, World
@@ -38,7 +40,12 @@ class Solid(Client):
             else:
                 self._add_box(shape)
         self.robot = self._robot()
+        self.stands: list[Stand] = []  # of what moves, once it was placed
         self._known: tuple[tuple[float, ...], float] = (), np.nan  # what was asked last, while nothing moves, and the answer
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process it is built anew."""
+        return _rebuilt, (self.world, self.stands)
 
     def _add_box(self, box: Box) -> None:
         w, d, h = box.size_m
@@ -59,7 +66,7 @@ class Solid(Client):
 
     def place(self, stands: list[Stand]) -> None:
         """Put what moves (rhs.worlds.live.shapes_of) where it is now."""
-        self._known = (), np.nan
+        self.stands, self._known = stands, ((), np.nan)
         for number, shape, stand in zip(self.moving, shapes_of(self.world.moving), stands, strict=True):
             height = shape.height_m if isinstance(shape, Person) else shape.size_m[2]
             turn = [0.0, 0.0, float(np.sin(0.5 * stand.yaw_rad)), float(np.cos(0.5 * stand.yaw_rad))]
@@ -122,3 +129,10 @@ class Solid(Client):
         radius_m = self.world.robot_radius_m
         gap_m: float = nearest_m(self.world.mesh.solid_m, x_m, y_m, within_m + radius_m) - radius_m
         return gap_m
+
+
+def _rebuilt(world: World, stands: list[Stand]) -> Solid:
+    solid = Solid(world)
+    if stands:
+        solid.place(stands)
+    return solid

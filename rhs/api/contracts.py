@@ -25,9 +25,9 @@ import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from numbers import Integral, Real
 from pathlib import Path as FilePath
-from types import MethodType
 from typing import Any, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -351,7 +351,7 @@ def complete(kind: str, part: Any) -> Any:
         default, own = getattr(protocol, name, None), getattr(part, name, None)
         if name in optional and not hasattr(part, name):
             try:
-                setattr(part, name, MethodType(default, part) if callable(default) else default)
+                setattr(part, name, partial(default, part) if callable(default) else default)
             except (AttributeError, TypeError):
                 raise ContractError(f"{kind} {type(part).__name__} has no {name} and takes none; derive it from "
                                     f"rhs.api.contracts.{protocol.__name__}") from None

@@ -153,7 +153,7 @@ def _patrol(chain: Chain, parts: Parts, collected: ViewCollector, led: RunLog, l
         parts = _patrolling(chain, parts, links)
         folder = chain.context.folder if not links else chain.folder / label(links)
         log = _log(chain, parts, folder)
-        log.table.copy_from(led.table)  # type: ignore[arg-type]
+        log.table.add_rows(led.table.partial.read_text("utf-8"))
         surveyed = settle(collected, parts, log)
         for _ in patrol(parts, chain.settings, surveyed, log, seed=chain.context.seed):
             pass

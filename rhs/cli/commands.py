@@ -26,6 +26,7 @@ COMMANDS = {
     "verify": ("rhs.cli.verify", "run it again and compare the rows: verify RUN"),
     "recover": ("rhs.cli.recover", "the row and table of a run that was killed: recover RUN"),
     "worlds": ("rhs.cli.worlds", "list the buildings; worlds --pictures FOLDER draws their plans"),
+    "cache": ("rhs.cli.cache", "the surveys that sweeps keep for later ones: cache, cache clear"),
     "check": ("rhs.cli.check", "does a plugin keep its contract? check planner=mine"),
     "card": ("rhs.cli.card", "a page about one part: contract, faults, accuracy, calibration, cost: card planner=mine"),
     "bench": ("rhs.cli.bench", "a frozen benchmark with reproducible rows: bench planning-v1 --mine planner=mine"),
@@ -35,7 +36,7 @@ COMMANDS = {
 }
 
 TOPICS = ("commands", "columns", "events", "statuses", "settings", "kinds", *PLUGIN_KINDS)
-EXPLAINED = ("blame", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
+EXPLAINED = ("blame", "cache", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
 
 
 def command(words: Sequence[str]) -> Callable[[], int] | None:

@@ -64,7 +64,7 @@ class Zip:
 
 def is_of_sweep(key: str) -> bool:
     """Whether a word says where the jobs of a sweep run and what stays of them, not what a run does."""
-    return key in ("engine", "keep", "share") or key.startswith("engine.")
+    return key in ("engine", "keep", "share", "cache") or key.startswith("engine.")
 
 
 def parse(words: Sequence[str]) -> list[Override | Zip]:

@@ -61,9 +61,7 @@ class KeptViews(LazyViews):
     It is read at given places, never from where somebody left off, so that forked processes may share it."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        self._folder = Path(folder or tempfile.gettempdir())
-        self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # closed when nobody holds the views any more
-        weakref.finalize(self, self._file.close)
+        self._open(folder)
         self._begins, self._sizes = array("q"), array("q")  # of each view in the file
         self._end = 0
         self._cameras: list[Camera] = []
@@ -71,6 +69,27 @@ class KeptViews(LazyViews):
         self._features: dict[int, tuple[int, int]] = {}  # row -> where they begin, and their size
         self._free: list[tuple[int, int]] = []  # of key-points that were given up
         self._in_memory: dict[int, View] = {}  # of parts whose records cannot be written, and those made before
+
+    def _open(self, folder: Path | None) -> None:
+        self._folder = Path(folder or tempfile.gettempdir())
+        self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # closed when nobody holds the views any more
+        weakref.finalize(self, self._file.close)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle: with what is in the file. Raises PicklingError where that is too much to be read at once."""
+        content = read_at(self._file.fileno(), self._end, 0)
+        if len(content) != self._end:
+            raise pickle.PicklingError(f"{1e-6 * self._end:.0f} MB of views are too many to be kept")
+        state = {name: value for name, value in vars(self).items() if name not in ("_folder", "_file")}
+        hidden = {k: view for k, view in self._in_memory.items() if not self._sizes[k]}
+        return state | {"_in_memory": hidden, "content": content}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """In a file of its own, where temporary files are."""
+        content = state.pop("content")
+        vars(self).update(state)
+        self._open(None)
+        self._put(content, 0)
 
     def __len__(self) -> int:
         return len(self._begins)

@@ -158,12 +158,13 @@ def close(views: Sequence[View], loop_closer: LoopCloser, *, who: str = "loop_cl
           reach_m: float = FAR_M) -> tuple[Sequence[View], Closure]:
     """The views moved to the poses the loop closer found. who: the loop closer as typed, for errors."""
     closure = check_closure(loop_closer.close(views), views, who=who, reach_m=reach_m)
+    return ChangedViews(views, partial(_closed, closure)), closure
 
-    def closed(k: int, view: View) -> View:
-        of_map = None if closure.covariances is None or np.isnan(closure.covariances[k, 0, 0]) else closure.covariances[k]
-        return replace(view, map_from_body=closure.poses[k], of_map=of_map)
 
-    return ChangedViews(views, closed), closure
+def _closed(closure: Closure, k: int, view: View) -> View:
+    """The k-th view where the closed loop puts it."""
+    of_map = None if closure.covariances is None or np.isnan(closure.covariances[k, 0, 0]) else closure.covariances[k]
+    return replace(view, map_from_body=closure.poses[k], of_map=of_map)
 
 
 def draw(views: Sequence[View], mapper: Mapper, *, who: str = "mapper") -> OccupancyGrid:

@@ -41,6 +41,7 @@ from .mission import turning
 from .observers import RunLog, closure_rows, plan_row, write_json, write_reach
 from .run import RunContext
 from .sentinel import Sentinel
+from .shared_survey import Leading
 from .sights import Sights, check_looks
 from .tasks import Patrol, Survey, explores
 
@@ -84,12 +85,21 @@ class PatrolJob(StepJob):
         if self.context.shared is not None:
             survey = self.context.shared.hand_over(log)
         else:
-            survey = yield from lead_survey(self.parts, self.context, settings, log, sights=sights)
+            leading = lead_survey(self.parts, self.context, settings, log, sights=sights)
+            survey = yield from leading if self.context.keep is None else self._kept(leading, log)
         if isinstance(settings, Patrol) and self.world is not None:
             if not self.parts.source.facts.places:
                 logger.warning("%s names no places, so nothing is patrolled after the survey; write places: {desk: [x, y]} "
                                "in its file", self.world.name)
             yield from patrol(self.parts, settings, survey, log, seed=self.context.seed, sights=sights)
+
+    def _kept(self, leading: Generator[Step, None, Surveyed], log: RunLog) -> Generator[Step, None, Surveyed]:
+        """The same survey, kept for runs to come."""
+        watched = Leading(self.context, log, recorded=self.context.config.recording != "off")
+        survey = yield from watched.follow(leading)
+        if self.context.keep is not None:
+            self.context.keep(watched.led(self.parts, self.ungated, survey))
+        return survey
 
 
 def since_survey(world: World, settings: Patrol, seed: int) -> World:

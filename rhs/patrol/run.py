@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -39,18 +39,20 @@ from .observers import RunLog, Watch, open_log, unwatched
 if TYPE_CHECKING:
     from rhs.reports.beside import Drawer
 
-    from .shared import SharedSurvey
+    from .shared_survey import SharedSurvey
+
+    Keep = Callable[[SharedSurvey], None]
 
 
 def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
-               shared: SharedSurvey | None = None) -> dict[str, Any]:
+               shared: SharedSurvey | None = None, keep: Keep | None = None) -> dict[str, Any]:
     """Run one experiment in `folder` and return its row, which is also written there whatever the outcome.
 
     Raises ConfigError, before anything ran, for what can be refused. A failure later is a row with a reason; the
     exception that caused it is chained to the returned row under the key `_cause` and not written. shared: the survey
-    that this run begins with, led already.
+    that this run begins with, led already. keep: is given the survey that this run leads.
     """
-    steps = run_steps(config, folder, watch, shared=shared, alone=True)
+    steps = run_steps(config, folder, watch, shared=shared, keep=keep, alone=True)
     while True:
         try:
             next(steps)
@@ -60,12 +62,13 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
 
 
 def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
-              shared: SharedSurvey | None = None, alone: bool = False) -> Generator[Step, None, dict[str, Any]]:
+              shared: SharedSurvey | None = None, keep: Keep | None = None,
+              alone: bool = False) -> Generator[Step, None, dict[str, Any]]:
     """The same, one step at a time where the task has steps; the row is the generator's value. alone: nobody else computes
     between the steps."""
     keep_freed_memory()
     check_live(config.live)
-    run, process = RunContext(config, folder, watch, shared), os.getpid()
+    run, process = RunContext(config, folder, watch, shared, keep), os.getpid()
     row: dict[str, Any] = identity(config)
     begin_row(folder, row)
     row |= {"commit": commit(), "versions": versions()}
@@ -157,6 +160,13 @@ def draw(run: RunContext, row: dict[str, Any]) -> None:
             raise
 
 
+def building_of(config: RunConfig) -> World:
+    """The building of a run, for the robot that its source's settings want."""
+    source = config.parts["source"].settings
+    wanted = {key: getattr(source, key, None) for key in ("robot_radius_m", "camera_height_m", "footprint_m")}
+    return load_world(config.world, seed=config.seed, robot={key: metres for key, metres in wanted.items() if metres})
+
+
 def report() -> Any:
     """The module that draws, loaded when it is needed."""
     from rhs.reports import report
@@ -167,8 +177,9 @@ def report() -> Any:
 class RunContext:
     """A run under way, as its task sees it (rhs.api.task.TaskContext)."""
 
-    def __init__(self, config: RunConfig, folder: Path, watch: Watch, shared: SharedSurvey | None = None) -> None:
-        self.config, self.folder, self._watch, self.shared = config, folder, watch, shared
+    def __init__(self, config: RunConfig, folder: Path, watch: Watch, shared: SharedSurvey | None = None,
+                 keep: Keep | None = None) -> None:
+        self.config, self.folder, self._watch, self.shared, self.keep = config, folder, watch, shared, keep
         self.seed, self.world, self.features = config.seed, config.world, config.features
         self.log: RunLog | None = None
         self.drawer: Drawer | None = None
@@ -176,7 +187,7 @@ class RunContext:
         self._built: list[Parts] = []
         self._eyes: list[Eyes | Ahead] = []
         self._parts: dict[str, object] = {}  # kind -> part, as built last
-        self._began_s = time.perf_counter() - (0.0 if shared is None else shared.took_s)
+        self.began_s = time.perf_counter() - (0.0 if shared is None else shared.took_s)
         self.looks_for_draws = False
         self._generators = global_states()
 
@@ -206,11 +217,7 @@ class RunContext:
 
     def floor_plan(self) -> World | None:
         """The building, for the robot that the source's settings want."""
-        if not self.config.driving:
-            return None
-        source = self.config.parts["source"].settings
-        wanted = {key: getattr(source, key, None) for key in ("robot_radius_m", "camera_height_m", "footprint_m")}
-        return load_world(self.world, seed=self.seed, robot={key: metres for key, metres in wanted.items() if metres})
+        return building_of(self.config) if self.config.driving else None
 
     def parts(self, *, world: World | None = None, seed: int | None = None,
               changes: Mapping[str, Mapping[str, Any]] | None = None, without: Collection[str] = ()) -> Parts:
@@ -317,7 +324,7 @@ class RunContext:
 
     def columns(self) -> dict[str, Any]:
         """What the run itself knows: what it cost, and what its parts say of themselves."""
-        wall_s = time.perf_counter() - self._began_s
+        wall_s = time.perf_counter() - self.began_s
         columns: dict[str, Any] = {"wall_ms": 1e3 * wall_s, "peak_memory_mb": peak_memory_mb()}
         if self.looks_for_draws and (drawn := self.drawn()):
             columns["global_random"] = " and ".join(sorted(drawn))

@@ -10,92 +10,61 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
-import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from rhs.api.contracts import Odometry
-from rhs.api.records import Step
-from rhs.api.task import Parts
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 from rhs.config.compose import OUTPUTS, RunConfig, to_plain
-from rhs.estimation.survey import Survey as Surveyed
 from rhs.runfolder.steps_csv import PARTIAL
 
 from .job import PatrolJob, lead_survey
-from .observers import RunLog, unwatched
+from .observers import unwatched
 from .run import RunContext
+from .shared_survey import LATER, Leading, SharedSurvey
 from .tasks import Patrol, explores
 
-LATER = ("planner", "localiser", "replan")  # parts that a survey does not ask
 AFTER = (*LATER, "mission", *(name for name in OUTPUTS if name != "recording"))  # what a survey does not depend on
 
 
 def survey_key(config: RunConfig) -> str | None:
-    """16 hex digits, the same for runs that begin with the same survey. None: a run whose survey is not shared, because
-    there is nothing after it, because a robot that explores asks its planner, or because its images are kept, for the
-    recording or to compare places with."""
+    """16 hex digits, the same for runs that begin with the same survey; None: of a run whose survey is not shared."""
+    values = survey_values(config)
+    return None if values is None else hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def survey_values(config: RunConfig) -> dict[str, Any] | None:
+    """All settings that a survey depends on. None: of a run whose survey is not shared, because there is nothing after it,
+    because a robot that explores asks its planner, or because its images are kept, for the recording or to compare places
+    with."""
     if type(config.task.settings) is not Patrol or not config.driving:
         return None
     if config.recording not in ("light", "off") or config.pictures != "off" or explores(config.task.settings):
         return None
-    values = {name: value for name, value in to_plain(config).items() if name not in AFTER}
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
-
-
-@dataclass(frozen=True)
-class SharedSurvey:
-    """parts: of the survey, as they were built. odometry: behind its gate. steps: without images, as a light recording
-    wants them; none where nothing is recorded. took_s: of the wall's clock. drawn: whose global generators it used."""
-
-    parts: Parts
-    odometry: Odometry
-    survey: Surveyed
-    log: RunLog
-    steps: tuple[Step, ...]
-    took_s: float
-    drawn: frozenset[str] = frozenset()
-
-    def hand_over(self, log: RunLog) -> Surveyed:
-        """Leave in the files of a run what leading this survey would have left there."""
-        log.table.copy_from(self.log.table)
-        for step in self.steps:
-            log.recorder.step(step)
-        log.recorder.map(self.survey.grid, float(self.survey.views[-1].stamp_s))
-        log.counts.update(self.log.counts)
-        log.stamp_s, log.began_s = self.log.stamp_s, self.log.began_s
-        for path in self.log.folder.iterdir():
-            if not path.name.startswith((PARTIAL, ".")) and not (log.folder / path.name).exists():
-                with suppress(FileNotFoundError):  # what is not finished
-                    (shutil.copytree if path.is_dir() else shutil.copyfile)(path, log.folder / path.name)
-        return self.survey
+    return {name: value for name, value in to_plain(config).items() if name not in AFTER}
 
 
 def lead_shared(config: RunConfig, folder: Path) -> SharedSurvey:
     """Lead the survey that a run of `config` begins with. Raises what the run would have ended with, and RhsError where
     the parts cannot be shared by fork."""
     keep_freed_memory()
-    began_s, before = time.perf_counter(), _held()
+    before = _held()
     parts = {kind: chosen for kind, chosen in config.parts.items() if kind not in LATER}
     context = RunContext(replace(config, parts=parts, recording="off", live=""), folder, unwatched)
     job: PatrolJob = config.task.settings.build(context)
-    built = replace(job.parts, odometry=job.ungated)
     log = context.open_log(job.parts, job.world)
-    leading, steps = lead_survey(job.parts, context, job.settings, log), []
+    leading = Leading(context, log, recorded=config.recording != "off")
+    going = leading.follow(lead_survey(job.parts, context, job.settings, log))
     while True:
         try:
-            step = next(leading)
+            next(going)
         except StopIteration as end:
-            survey: Surveyed = end.value
+            shared = leading.led(job.parts, job.ungated, end.value)
             break
-        if config.recording != "off":
-            steps.append(replace(step, observation=replace(step.observation, image=None, depth=None, extras={})))
     _check_forkable(before, folder)
-    return SharedSurvey(built, job.parts.odometry, survey, log, tuple(steps), time.perf_counter() - began_s,
-                        frozenset(context.drawn()))
+    return shared
 
 
 def _held() -> tuple[int, set[str]]:

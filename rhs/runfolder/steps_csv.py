@@ -73,11 +73,11 @@ class StepTable:
 
     def __init__(self, folder: Path):
         self._folder = Path(folder)
-        self._partial = self._folder / f"{PARTIAL}{os.getpid()}"
+        self.partial = self._folder / f"{PARTIAL}{os.getpid()}"
         try:
-            self._file = self._partial.open("w", encoding="utf-8", newline="\n")
+            self._file = self.partial.open("w", encoding="utf-8", newline="\n")
         except OSError as error:
-            raise RhsError(f"cannot write {self._partial}: {error.strerror or error}") from error
+            raise RhsError(f"cannot write {self.partial}: {error.strerror or error}") from error
 
     def add(self, step: Step) -> None:
         """Append one step; it survives a killed process."""
@@ -86,25 +86,26 @@ class StepTable:
 
     def add_row(self, row: Mapping[str, object], lines: Mapping[str, str]) -> None:
         """Append a row of steps.csv and the lines of the trajectories that belong to it."""
+        self._write(json.dumps([row, lines]) + "\n")
+
+    def _write(self, text: str) -> None:
         try:
-            self._file.write(json.dumps([row, lines]) + "\n")
+            self._file.write(text)
             self._file.flush()
         except OSError as error:
-            raise RhsError(f"cannot write {self._partial}: {error.strerror or error} ({free_space(self._partial)})"
-                           ) from error
+            raise RhsError(f"cannot write {self.partial}: {error.strerror or error} ({free_space(self.partial)})") from error
 
-    def copy_from(self, other: StepTable) -> None:
-        """Begin with the rows of another table, which may be that of another process."""
-        for row, lines in _whole_rows(other._partial):
-            self.add_row(row, lines)
+    def add_rows(self, rows: str) -> None:
+        """Begin with all that is in the partial file of another table."""
+        self._write(rows)
 
     def close(self) -> None:
         """Give the files their final names."""
         if self._file.closed:
             return
-        tabulate(self._partial, self._folder)
+        tabulate(self.partial, self._folder)
         self._file.close()
-        self._partial.unlink()
+        self.partial.unlink()
 
 
 def tabulate(partial: Path, folder: Path) -> int:

@@ -12,6 +12,8 @@ from rhs.base.errors import ConfigError, check_choice
 from rhs.config import registry
 from rhs.config.overrides import is_of_sweep, parse, plain_words
 
+from .survey_cache import most_mb
+
 KEEP = ("all", "failures", "none")
 ALL_UP_TO = 1000  # jobs of which every folder is kept unless something else is said
 DEFAULT = "process"
@@ -19,12 +21,14 @@ DEFAULT = "process"
 
 @dataclass(frozen=True)
 class Choice:
-    """engine: its name. settings: its dataclass. keep: whose folders stay. share: whether jobs share surveys."""
+    """engine: its name. settings: its dataclass. keep: whose folders stay. share: whether jobs share surveys.
+    cache: whether surveys are taken from earlier sweeps, and kept for later ones."""
 
     engine: str
     settings: Any
     keep: str
     share: bool = True
+    cache: bool = True
 
     @property
     def here(self) -> bool:
@@ -40,13 +44,16 @@ def split(words: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def choose(words: Sequence[str], count: int) -> Choice:
     """The engine and what is kept of `count` jobs. Raises ConfigError in one line."""
-    name, share, keep, values = DEFAULT, True, "all" if count <= ALL_UP_TO else "failures", {}
+    name, keep, values = DEFAULT, "all" if count <= ALL_UP_TO else "failures", {}
+    switches = {"share": True, "cache": True}
     for word in plain_words(parse(words)):
         key, _, below = word.key.partition(".")
         if word.key == "keep":
             keep = word.value
-        elif word.key == "share":
-            share = word.value
+        elif word.key in switches:
+            if not isinstance(word.value, bool):
+                raise ConfigError(f"{word.text}: expected true or false")
+            switches[word.key] = word.value
         elif below:
             values[below] = word.value
         elif isinstance(word.value, str):
@@ -54,8 +61,7 @@ def choose(words: Sequence[str], count: int) -> Choice:
         else:
             raise ConfigError(f"{word.text}: choose one of {', '.join(registry.names('engine'))} by engine=NAME")
     check_choice("", "keep", keep, KEEP)
-    if not isinstance(share, bool):
-        raise ConfigError(f"share={share}: expected true or false")
+    switches["cache"] = switches["cache"] and most_mb() > 0.0
     cls = registry.load("engine", name)
     registry.check_requirements("engine", name, cls)
-    return Choice(name, settings.make(cls, values, "engine"), keep, share)
+    return Choice(name, settings.make(cls, values, "engine"), keep, **switches)

@@ -25,7 +25,7 @@ from rhs.runfolder.row import KILLED, RUNNING, read_row, sound, write_row
 from .job import Job, Limits
 from .leader import READY
 from .turns import Group
-from .worker import COMPILING, JOB_LOG
+from .worker import COMPILING, JOB_LOG, KEPT
 
 FULL_MB = 1.0  # a disk with less is full
 GRACE_S = 10.0  # a job told to stop has so long to write down what it has
@@ -49,6 +49,7 @@ class Running:
     server: int = 0
     written: float = 0.0  # when it said so
     compiling: bool = False
+    kept: bool = False  # its survey was that of an earlier sweep
 
 
 LOST = "the process was lost: it, or the one that starts the jobs, was killed"
@@ -78,6 +79,8 @@ def _hear(one: Running) -> None:
             said = one.done.recv()
             if said == COMPILING:
                 one.compiling = True
+            elif said == KEPT:
+                one.kept = True
             elif said == READY and one.group is not None:
                 one.group.ready = True
                 return

@@ -34,7 +34,8 @@ class Job:
 class Limits:
     """jobs: processes at a time. timeout_s: per job, 0 for none. same_failures: stop after so many alike, 0 never.
     memory_mb: of a job and what it starts, 0 for 4096 or its share of the machine. retries: of a job that was killed.
-    share: jobs that begin with the same survey lead it once (its time counts for the first of them). Raises ConfigError
+    share: jobs that begin with the same survey lead it once (its time counts for the first of them).
+    cache: surveys are taken from those that earlier sweeps kept (rhs.sweeps.survey_cache). Raises ConfigError
     where no process can fork: jobs do."""
 
     jobs: int = 1
@@ -43,6 +44,7 @@ class Limits:
     memory_mb: float = 0.0
     retries: int = 1
     share: bool = True
+    cache: bool = True
 
     def __post_init__(self) -> None:
         if not CAN_FORK:
@@ -62,6 +64,7 @@ class Outcome:
     status: dict[str, str] = field(default_factory=dict)  # by name, of the first MOST_NAMED
     reasons: Counter = field(default_factory=Counter)
     stopped: str = ""  # why not every job was started
+    kept: int = 0  # surveys that earlier sweeps had led
     workers: int | None = None  # alive, where somebody knows
 
     def count(self, name: str, status: str, reason: str) -> None:

@@ -135,9 +135,9 @@ class _Pool:
         process: multiprocessing.process.BaseProcess | Forked
         ours, theirs = self.context.Pipe(duplex=False)
         if group is None or group.orders is None:
-            process = self._process(work, task_of(job), str(folder), self.lifeline, theirs)
+            process = self._process(work, self._task(job), str(folder), self.lifeline, theirs)
         else:
-            process = Forked(group.orders, task_of(job), folder, theirs)
+            process = Forked(group.orders, self._task(job), folder, theirs)
             group.running.add(job.name)
         theirs.close()
         return Running(job, folder, process, ours, began, group)
@@ -149,9 +149,12 @@ class _Pool:
         folder.mkdir(parents=True)
         group.folder = folder
         group.orders, theirs = self.context.Pipe(duplex=True)
-        group.process = self._process(lead, task_of(job), str(folder), self.lifeline, theirs)
+        group.process = self._process(lead, self._task(job), str(folder), self.lifeline, theirs)
         theirs.close()
         return Running(job, job_folder(self.sweep, job.name), group.process, group.orders, time.monotonic(), group, True)
+
+    def _task(self, job: Job) -> Task:
+        return task_of(job, cache=self.limits.cache)
 
     def _process(self, target: Callable[..., None], *arguments: object) -> multiprocessing.process.BaseProcess:
         process = self.context.Process(target=target, args=arguments, daemon=False)
@@ -174,6 +177,7 @@ class _Pool:
     def _led(self, one: Running) -> None:
         """A survey is led: the job that it counted as goes on. One that failed is left to each of the jobs alone."""
         assert one.group is not None
+        self.outcome.kept += one.kept
         if one.group.ready:
             self.tries[one.job.name] -= 1
             self._try(one.job, one.group, one.started)
@@ -222,6 +226,7 @@ class _Pool:
         if one.group is not None:
             one.group.running.discard(one.job.name)
         try:
+            self.outcome.kept += one.kept
             status, reason = row_of(one)
         except Exception as error:  # a disk that is full, a folder that is no folder any more
             status, reason = "failed", f"its row cannot be written: {type(error).__name__}: {error}"
@@ -249,10 +254,10 @@ def last_line(folder: Path) -> str:
     return ""
 
 
-def task_of(job: Job) -> Task:
+def task_of(job: Job, *, cache: bool = False) -> Task:
     """What its process is sent."""
     chosen = {(kind, one.name) for kind, one in {"task": job.config.task, **job.config.parts}.items()}
-    return Task(to_plain(job.config), identity(job.config), carried(chosen))
+    return Task(to_plain(job.config), identity(job.config), carried(chosen), cache)
 
 
 def _left_by_key(sweep: Path) -> dict[str, list[Path]]:

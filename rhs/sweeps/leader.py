@@ -12,6 +12,7 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Sequence
+from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.reduction import recv_handle, send_handle
 from pathlib import Path
@@ -23,7 +24,7 @@ from rhs.config.compose import from_plain
 from rhs.config.loose import take_over
 from rhs.patrol.shared import SharedSurvey, lead_shared
 
-from .worker import COMPILING, JOB_LOG, Task, redirect, settle_in, work
+from .worker import COMPILING, JOB_LOG, KEPT, Task, kept_survey, log_text, redirect, settle_in, work
 
 READY = "ready"  # said when the survey is led
 ANSWER_S = 60.0  # within which a leader forks
@@ -38,7 +39,13 @@ def lead(task: Task, folder: str, lifeline: Connection, orders: Connection) -> N
     own = os.getpid()
     on_compile(lambda: orders.send(COMPILING) if os.getpid() == own else None)
     take_over(task.plugins)
-    shared = lead_shared(from_plain(task.values), Path(folder))
+    config, log = from_plain(task.values), Path(folder) / JOB_LOG
+    shared, keep = kept_survey(config, log, lambda: orders.send(KEPT)) if task.cache else (None, None)
+    if shared is None:
+        shared = lead_shared(config, Path(folder))
+        shared = replace(shared, said=log_text(log))
+        if keep is not None:
+            keep(shared)
     orders.send(READY)
     serve(shared, lifeline, orders)
 

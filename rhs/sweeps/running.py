@@ -60,7 +60,7 @@ class Run:
     def __post_init__(self) -> None:
         self.keeper = Keeper(self.folder, self.plan.choice.keep)
         self.repeated = self.plan.repeated
-        self.limits = replace(self.limits, share=self.plan.choice.share)
+        self.limits = replace(self.limits, share=self.plan.choice.share, cache=self.plan.choice.cache)
 
     def begin(self) -> None:
         """What is finished already."""
@@ -183,4 +183,4 @@ class Run:
                 file.write(json.dumps(statuses, indent=1) + "\n")
         except RhsError as error:
             reasons[str(error)] += 1
-        return Report(counts, reasons, self.before, self.outcome.stopped, self.repeated)
+        return Report(counts, reasons, self.before, self.outcome.stopped, self.repeated, self.outcome.kept)

@@ -277,13 +277,14 @@ def status_of(plan: Plan, folder: Path) -> dict[str, str]:
 @dataclass(frozen=True)
 class Report:
     """counts: jobs by what became of them. before: jobs that were finished when we came. repeated: words that gave a
-    configuration which was there already."""
+    configuration which was there already. kept: surveys that earlier sweeps had led."""
 
     counts: Counter
     reasons: Counter
     before: int
     stopped: str
     repeated: int = 0
+    kept: int = 0
 
     @property
     def complete(self) -> bool:
@@ -300,4 +301,6 @@ class Report:
         words = ", ".join(f"{counts[name]} {name}" for name in sorted(counts, key=lambda n: (n != "ok", n)))
         lines = [f"{sum(counts.values())} jobs: {words}" + (f" ({self.before} finished before)" if self.before else "")]
         lines += [f"  {count} x {reason[:160]}" for reason, count in self.reasons.most_common(5)]
+        if self.kept:
+            lines.append(f"{self.kept} of their surveys had been led by earlier sweeps (cache=false leads them anew)")
         return [*lines, self.stopped] if self.stopped else lines

@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -19,7 +20,7 @@ from rhs.api.jit import on_compile
 from rhs.base.commands import plain
 from rhs.base.errors import ConfigError, RhsError
 from rhs.base.processes import adopt_orphans, descendants, die_with_parent, kill, raises
-from rhs.config.compose import from_plain
+from rhs.config.compose import RunConfig, from_plain
 from rhs.config.loose import take_over
 from rhs.metrics.success import with_success
 from rhs.runfolder.folders import lock
@@ -30,16 +31,18 @@ if TYPE_CHECKING:
 
 JOB_LOG = "job.log"
 COMPILING = "compiling"  # said by a job that has to wait for the compiler
+KEPT = "kept"  # and by one whose survey an earlier sweep led
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a job's process is sent: its plain configuration, the columns that say what it is, and the plugins registered
-    by hand where the sweep was started."""
+    """What a job's process is sent: its plain configuration, the columns that say what it is, the plugins registered by
+    hand where the sweep was started, and whether surveys are kept for other sweeps."""
 
     values: dict[str, Any]
     identity: dict[str, Any]
     plugins: list[dict[str, str]]
+    cache: bool = False
 
 
 def work(task: Task, folder: str, lifeline: Connection, done: Connection, shared: SharedSurvey | None = None) -> None:
@@ -47,11 +50,11 @@ def work(task: Task, folder: str, lifeline: Connection, done: Connection, shared
     survey it begins with, led already."""
     done.send(os.getppid())
     settle_in(lifeline)
-    redirect(os.path.join(folder, JOB_LOG), after=None if shared is None else str(shared.log.folder / JOB_LOG))
+    redirect(os.path.join(folder, JOB_LOG))
     held = lock(Path(folder))
     on_compile(lambda: done.send(COMPILING))
     try:
-        cause = _run(task, Path(folder), shared)
+        cause = _run(task, Path(folder), shared, told=lambda: done.send(KEPT))
         if cause is not None:
             traceback.print_exception(cause)
     except KeyboardInterrupt:
@@ -63,14 +66,24 @@ def work(task: Task, folder: str, lifeline: Connection, done: Connection, shared
         done.send(True)
 
 
-def _run(task: Task, folder: Path, shared: SharedSurvey | None) -> BaseException | None:
-    """Whatever happens there is a row."""
+def _run(task: Task, folder: Path, shared: SharedSurvey | None, told: Callable[[], None]) -> BaseException | None:
+    """Whatever happens there is a row. told: a survey was kept."""
     try:
         take_over(task.plugins)
         from rhs.patrol.run import run_config
 
         config = replace(from_plain(task.values), presets=task.identity.get("presets", ""))
-        cause: BaseException | None = run_config(config, folder, shared=shared).pop("_cause", None)
+        keep = None
+        if shared is None and task.cache:
+            shared, keep = kept_survey(config, folder / JOB_LOG, told)
+        if shared is not None:
+            sys.stderr.write(shared.said)
+        row = run_config(config, folder, shared=shared, keep=keep)
+        if row["status"] == "failed" and shared is not None and shared.kept:  # is it because of where the survey comes from?
+            sys.stderr.write(f"{row['reason']}; the survey was that of an earlier sweep, it is led anew\n")
+            empty(folder)
+            row = run_config(config, folder)
+        cause: BaseException | None = row.pop("_cause", None)
         return cause
     except KeyboardInterrupt:
         raise
@@ -79,6 +92,37 @@ def _run(task: Task, folder: Path, shared: SharedSurvey | None) -> BaseException
         status = "refused" if isinstance(error, ConfigError) else "failed"
         write_row(folder, sound(with_success({**task.identity, "status": status, "reason": plain(reason)})))
         return error
+
+
+def kept_survey(config: RunConfig, log: Path, told: Callable[[], None],
+                ) -> tuple[SharedSurvey | None, Callable[[SharedSurvey], None] | None]:
+    """The survey that an earlier sweep led, which is told, or what keeps the one to be led, with what is in the log by
+    then."""
+    from . import survey_cache
+
+    key = survey_cache.key_of(config)
+    if key is None:
+        return None, None
+    if (shared := survey_cache.load(key)) is not None:
+        told()
+        return shared, None
+    return None, lambda led: survey_cache.keep(key, replace(led, said=log_text(log)))
+
+
+def empty(folder: Path) -> None:
+    """Delete what a run wrote, but for the log."""
+    for path in folder.iterdir():
+        if path.is_dir():
+            shutil.rmtree(path)
+        elif path.name != JOB_LOG and not path.name.startswith("."):
+            path.unlink()
+
+
+def log_text(log: Path) -> str:
+    """What this process has printed."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    return log.read_text("utf-8", "replace")
 
 
 def settle_in(lifeline: Connection) -> None:
@@ -92,12 +136,9 @@ def settle_in(lifeline: Connection) -> None:
     threading.Thread(target=_die_with_sweep, args=(lifeline,), daemon=True).start()
 
 
-def redirect(path: str, after: str | None = None) -> None:
-    """What this process prints goes to a file, which begins with what is in the file `after`."""
-    if after is not None:
-        with contextlib.suppress(OSError):
-            shutil.copyfile(after, path)
-    log = os.open(path, os.O_WRONLY | os.O_CREAT | (os.O_TRUNC if after is None else os.O_APPEND), 0o644)
+def redirect(path: str) -> None:
+    """What this process prints goes to a file."""
+    log = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
     sys.stdout.flush()
     for descriptor in (1, 2):
         os.dup2(log, descriptor)

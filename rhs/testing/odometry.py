@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
@@ -146,6 +147,24 @@ def what_it_settles_on_has_as_many_poses_as_views(settings: Any, folder: Path) -
         check_revision(revision, len(SHORT), who="revise()")
 
 
+def goes_on_the_same_in_another_process(settings: Any, folder: Path) -> None:
+    """Pickled half-way, as a survey that is kept for later sweeps; or it cannot be pickled."""
+    views = [for_part(settings, view) for view in hard_drive()]
+    half = len(views) // 2
+    part = _build(settings, folder)
+    for view in views[:half]:
+        part.update(view)
+    try:
+        pickled = pickle.dumps(part)
+    except Exception:
+        return
+    other = pickle.loads(pickled)  # noqa: S301 (written above)
+    for view in views[half:]:
+        motion, again = part.update(view), other.update(view)
+        assert np.array_equal(motion.previous_from_body, again.previous_from_body), (
+            "pickled half-way it goes on otherwise; keep all that it knows, or raise TypeError in __getstate__")
+
+
 ODOMETRY = (begins_with_the_identity, says_where_the_robot_went_and_how_sure_it_is, does_not_trust_a_view_without_content,
             survives_a_blind_start, same_seed_same_motions_whoever_else_is_built,
-            what_it_settles_on_has_as_many_poses_as_views)
+            what_it_settles_on_has_as_many_poses_as_views, goes_on_the_same_in_another_process)

@@ -1,9 +1,9 @@
-"""A sweep of planners x localisers with one survey for all, and with a survey each: CPU seconds, rows column by column.
+"""A sweep of planners x localisers with one survey for all, with that of an earlier sweep, and with a survey each: CPU seconds, rows column by column.
 
     python tests/benchmarks/sharing.py [PLANNERS] [LOCALISERS] [WORD ...]
 
 For example `12 3`; words are of the runs, `world=square_small source.image_width=160 seed=0` unless said. One process at a
-time. Two sweeps in a temporary folder; prints their CPU seconds and wall seconds, the ratio, and every column that is not
+time. Three sweeps in a temporary folder; prints their CPU seconds and wall seconds, the ratio, and every column that is not
 the same.
 """
 
@@ -50,14 +50,18 @@ def main(planners: int, localisers: int, more: list[str]) -> None:
     adopt_orphans()
     words = [*(more or WORDS), f"planner={','.join(PLANNERS[:planners])}", f"localiser={','.join(LOCALISERS[:localisers])}"]
     with tempfile.TemporaryDirectory() as home:
-        (shared_s, shared_wall_s) = sweep(Path(home, "shared"), *words)
-        (alone_s, alone_wall_s) = sweep(Path(home, "alone"), *words, "share=false")
-        shared, alone = rows(Path(home, "shared")), rows(Path(home, "alone"))
+        os.environ["RHS_CACHE"] = str(Path(home, "cache"))
+        shared_s, shared_wall_s = sweep(Path(home, "shared"), *words)
+        later_s, later_wall_s = sweep(Path(home, "later"), *words)
+        alone_s, alone_wall_s = sweep(Path(home, "alone"), *words, "share=false", "cache=false")
+        alone = rows(Path(home, "alone"))
         print(f"{len(alone)} jobs: {alone_s:.1f} s of CPU alone ({alone_wall_s:.1f} s), {shared_s:.1f} s shared "
-              f"({shared_wall_s:.1f} s): {alone_s / shared_s:.2f} times")
-        differing = [f"{run}: {name}" for run in sorted({**alone, **shared})
-                     for name in {**alone.get(run, {}), **shared.get(run, {})}
-                     if repr(alone.get(run, {}).get(name)) != repr(shared.get(run, {}).get(name))]
+              f"({shared_wall_s:.1f} s): {alone_s / shared_s:.2f} times, {later_s:.1f} s with the survey of the sweep before "
+              f"({later_wall_s:.1f} s): {alone_s / later_s:.2f} times")
+        differing = [f"{other.name}/{run}: {name}" for other in (Path(home, "shared"), Path(home, "later"))
+                     for there in [rows(other)] for run in sorted({**alone, **there})
+                     for name in {**alone.get(run, {}), **there.get(run, {})}
+                     if repr(alone.get(run, {}).get(name)) != repr(there.get(run, {}).get(name))]
         columns = sum(len(row) for row in alone.values())
         ended = sorted({str(row["status"]) for row in alone.values()})
         print(f"{columns} values of {len(alone)} rows ({', '.join(ended)}): {len(differing)} differ", *differing, sep="\n  ")

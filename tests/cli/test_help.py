@@ -151,7 +151,7 @@ def test_a_file_that_stands_alone_says_what_to_write_before_it(tmp_path, capsys,
     assert "for a recording write source=replay source.path= before it" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("help", "worlds", "table")])
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("help", "worlds", "table", "cache")])
 def test_a_command_without_its_words_says_what_is_missing_as_every_complaint_begins(name, capsys):
     assert main([name]) == 2
     err = capsys.readouterr().err

@@ -8,6 +8,7 @@ say, to a tenth of a pixel, and the motion fitted anew.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -41,6 +42,13 @@ class OrbOdometry(ProcrustesOdometry):
         self._settings: Orb
         self._camera = context.camera
         self._sights: WeakKeyDictionary[Features, Sight] = WeakKeyDictionary()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle."""
+        return vars(self) | {"_sights": dict(self._sights)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state | {"_sights": WeakKeyDictionary(state["_sights"])})
 
     def _features(self, observation: Observation) -> Features:
         features = vision.orb_features(observation, self._settings.features)

@@ -14,7 +14,7 @@ from rhs.api.errors import check_choice, check_range
 NOTHING: frozenset[str] = frozenset()
 FAULTS = ("none", "raise", "exit", "os_exit", "kill", "segfault", "sleep", "spin", "none_result", "nan_pose", "shape",
           "reseed", "mutate", "leak", "interrupt", "os_exit_zero", "remove_folder", "thread", "child", "orphan", "memory",
-          "kill_server", "huge_reason", "escape")
+          "kill_server", "huge_reason", "escape", "handle")
 
 
 @dataclass
@@ -178,6 +178,13 @@ class Trouble:
 
     def leak(self, observation: Any, motion: Any) -> Any:
         self.kept.append(open(os.devnull))
+        return motion
+
+    def handle(self, observation: Any, motion: Any) -> Any:
+        """Holds something by a number that only this process knows; to be pickled it looks fit."""
+        self.kept = self.kept or [os.getpid()]
+        if self.kept != [os.getpid()]:
+            raise RuntimeError("no such handle")
         return motion
 
     def mutate(self, observation: Any, motion: Any) -> Any:
