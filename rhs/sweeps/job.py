@@ -44,7 +44,7 @@ class Limits:
     memory_mb: float = 0.0
     retries: int = 1
     share: bool = True
-    cache: bool = True
+    cache: bool = False
 
     def __post_init__(self) -> None:
         if not CAN_FORK:

@@ -1,4 +1,5 @@
-"""A sweep of planners x localisers with one survey for all, with that of an earlier sweep, and with a survey each: CPU seconds, rows column by column.
+"""A sweep of planners x localisers with one survey for all, with that of an earlier sweep, and with a survey each: CPU
+seconds, rows column by column.
 
     python tests/benchmarks/sharing.py [PLANNERS] [LOCALISERS] [WORD ...]
 
@@ -56,7 +57,7 @@ def main(planners: int, localisers: int, more: list[str]) -> None:
         alone_s, alone_wall_s = sweep(Path(home, "alone"), *words, "share=false", "cache=false")
         alone = rows(Path(home, "alone"))
         print(f"{len(alone)} jobs: {alone_s:.1f} s of CPU alone ({alone_wall_s:.1f} s), {shared_s:.1f} s shared "
-              f"({shared_wall_s:.1f} s): {alone_s / shared_s:.2f} times, {later_s:.1f} s with the survey of the sweep before "
+              f"({shared_wall_s:.1f} s): {alone_s / shared_s:.2f} times, {later_s:.1f} s with that of the sweep before "
               f"({later_wall_s:.1f} s): {alone_s / later_s:.2f} times")
         differing = [f"{other.name}/{run}: {name}" for other in (Path(home, "shared"), Path(home, "later"))
                      for there in [rows(other)] for run in sorted({**alone, **there})
