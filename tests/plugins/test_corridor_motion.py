@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rhs.api.geometry import Camera
-from rhs_odometry.corridor.motion import SpinWatch
+from rhs_odometry.corridor.motion import GivenMotion, MotionNoise, SpinWatch
 from rhs_odometry.corridor.state import SPEED, CorridorState
 from rhs_odometry.tracks.track_frames import TrackFrame
 
@@ -19,6 +21,15 @@ def frames(steps: list[np.ndarray]) -> list[TrackFrame]:
     """The same points, moved by each step (px) from view to view."""
     at = np.cumsum([np.zeros((len(PIXELS), 2)), *steps], axis=0)
     return [TrackFrame(0.25 * k, np.arange(len(PIXELS)), PIXELS + move) for k, move in enumerate(at)]
+
+
+def test_of_a_command_that_something_stopped_any_share_may_have_been_done():
+    """0.12 m forward, evenly from 0 to 0.12: 0.06 m in the mean, 0.12 / sqrt(12) off; nothing was turned, so nothing was."""
+    given = GivenMotion(MotionNoise(), wheels=False)
+    frame = TrackFrame(0.0, np.arange(1), np.zeros((1, 2)), command=np.array([0.12, 0.0, 0.4]))
+    done, stopped = (given.expect(one, np.array([0.0, 0.0, 1.0, 1.0]), 0.4) for one in (frame, replace(frame, stopped=True)))
+    assert done.mean.tolist() == [0.12, 0.0, 0.0] and stopped.mean.tolist() == [0.06, 0.0, 0.0]
+    np.testing.assert_allclose(stopped.noise - done.noise, np.diag([0.12**2 / 12.0, 0.0, 0.0]), atol=1e-15)
 
 
 SPIN = np.tile([0.1 * FOCAL_PX, 0.0], (len(PIXELS), 1))  # a view of a turn by 0.1 rad

@@ -35,7 +35,7 @@ class MotionNoise:
 
 class GivenMotion:
     """The motion command, or the wheel travel, times an unknown constant scale; where nobody said anything, standing
-    still with the uncertainty of a normal step."""
+    still with the uncertainty of a normal step; where something was in the way, any share of what was said."""
 
     def __init__(self, noise: MotionNoise, *, wheels: bool) -> None:
         self._noise, self._wheels = noise, wheels
@@ -44,10 +44,11 @@ class GivenMotion:
         forward, left, turn = frame.wheel if self._wheels else (frame.command[0], 0.0, frame.command[1])
         if not np.isfinite([forward, left, turn]).all():
             return BodyMotion(np.zeros(3), np.zeros((3, BASE)), np.diag([0.2, 0.02, 0.1]) ** 2, np.zeros(BASE))
+        done, spread = (0.5, np.diag([forward, left, turn]) ** 2 / 12.0) if frame.stopped else (1.0, 0.0)  # evenly 0 to 1
         by_base = np.zeros((3, BASE))
-        by_base[0, SCALE] = forward
-        mean = np.array([base[SCALE] * forward, left, turn])
-        return BodyMotion(mean, by_base, self._noise.covariance(forward, turn), np.zeros(BASE))
+        by_base[0, SCALE] = done * forward
+        mean = done * np.array([base[SCALE] * forward, left, turn])
+        return BodyMotion(mean, by_base, self._noise.covariance(forward, turn) + spread, np.zeros(BASE))
 
 
 class ConstantVelocity:

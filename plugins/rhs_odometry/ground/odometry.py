@@ -78,8 +78,7 @@ class GroundOdometry(Odometry):
         followed = 0 if before is None else len(common(before, frame)[0])
         stands = before is not None and standing(before, frame, self._camera, self._settings.advanced)
         pose = self._pose()
-        touches = bool(observation.contact)  # and was stopped somewhere on the way it was told
-        self._filter.step(halted(frame) if stands else untold(frame) if touches else frame)
+        self._filter.step(halted(frame) if stands else replace(frame, stopped=bool(observation.contact)))
         clones = self._filter.state.clones[:, :3]
         self._poses = np.vstack([self._poses[: self._filter.viewed - len(clones)], clones])
         tally = self._filter.tally
@@ -162,8 +161,3 @@ def standing(before: TrackFrame, now: TrackFrame, camera: Camera, advanced: Grou
 def halted(frame: TrackFrame) -> TrackFrame:
     """The view of a camera that did not move."""
     return replace(frame, command=np.array([0.0, 0.0, 0.0]), wheel=np.zeros(3))
-
-
-def untold(frame: TrackFrame) -> TrackFrame:
-    """The view of a camera of which nobody knows what it did."""
-    return replace(frame, command=np.array([np.nan, np.nan, frame.command[2]]), wheel=np.full(3, np.nan))

@@ -28,7 +28,8 @@ class TrackFrame:
 
     ids (N,) int64, unique, a number is never used for two points; pixels (N, 2) float64.
     command (3,): forward m, turn rad given since the previous view, and seconds; wheel (3,): dx m, dy m, dyaw rad
-    by the encoders since then; NaN where none was given.
+    by the encoders since then; NaN where none was given. stopped: something was in the way, and nobody knows how much of
+    it was done.
     """
 
     stamp_s: float
@@ -36,6 +37,7 @@ class TrackFrame:
     pixels: np.ndarray
     command: np.ndarray = field(default_factory=NO_TRAVEL.copy)
     wheel: np.ndarray = field(default_factory=NO_TRAVEL.copy)
+    stopped: bool = False
 
 
 @dataclass(frozen=True, eq=False)
