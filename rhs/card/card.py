@@ -56,10 +56,11 @@ Tell = Callable[[str], None]
 
 @dataclass
 class Card:
-    """content: what card.json holds. results: part -> what it did, for the pictures."""
+    """content: what card.json holds. results: part -> what it did, for the pictures; pictures: those drawn already."""
 
     content: dict[str, Any]
     results: dict[str, ForkResult] = field(default_factory=dict)
+    pictures: list[tuple[str, Any]] = field(default_factory=list)
 
     @property
     def passes(self) -> bool:

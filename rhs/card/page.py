@@ -23,14 +23,14 @@ PAGE = HEAD + TABLE + """
 {% for one in contract %}<tr><td>{{ "holds" if one.holds else "FAILS" }}</td><td>{{ one.check }}</td>
 <td>{{ one.why }}</td></tr>
 {% endfor %}</table></div>
-{% if figures.rows %}<h2>On the standard set</h2><p>{{ standard_set }}</p>{{ table(figures) }}
+{% if figures.rows %}<h2>{{ set_title }}</h2><p>{{ standard_set }}</p>{{ table(figures) }}
 <p>{% for name, meaning in columns %}<b>{{ name }}</b>: {{ meaning }}. {% endfor %}</p>{% endif %}
 {% if faults %}<h2>Faults</h2><div class="wide"><table><tr><th>fault</th><th>answers</th><th>for example</th></tr>
 {% for one in faults %}<tr><td>{{ one.says }}</td><td>{{ one.times }}</td><td>{{ one.questions | join(", ") }}</td></tr>
 {% endfor %}</table></div>{% endif %}
 {% if breaks.rows %}<h2>Where it breaks</h2><p>The level of a dial at which less than half is left of what it is without
 degradation.</p>{{ table(breaks) }}{% endif %}
-{% if rooms.rows %}<h2>Room by room</h2>{{ table(rooms) }}{% endif %}
+{% if rooms.rows %}<h2>{{ rooms_title }}</h2>{{ table(rooms) }}{% endif %}
 {% for name, picture in pictures %}<h2>{{ name }}</h2><img src="{{ picture }}" alt="{{ name }}">{% endfor %}
 <h2>Settings</h2><pre>{{ settings }}</pre><p>{{ versions }}</p>
 </body></html>
@@ -46,6 +46,7 @@ def page_of(card: Card) -> str:
     names, rows = table(content)
     return Environment(autoescape=True).from_string(PAGE).render(
         title=f"Card of {content['part']}", origin=content["from"], verdict=content["verdict"], contract=content["contract"],
+        set_title=content.get("set_title", "On the standard set"), rooms_title=content.get("rooms_title", "Room by room"),
         standard_set=content.get("standard_set", ""), figures={"names": names, "rows": rows},
         columns=list(content.get("columns", {}).items()), faults=content.get("faults", []), breaks=_breaks(content),
         rooms=_rooms(content), pictures=[(name, embed_figure(figure)) for name, figure in pictures(card)],
@@ -76,6 +77,8 @@ def _rooms(content: dict[str, Any]) -> dict[str, Any]:
 
 def pictures(card: Card) -> list[tuple[str, Figure]]:
     """What there is to be seen, by the kind of the part."""
+    if card.pictures:
+        return card.pictures
     kind = card.content["part"].partition("=")[0]
     draw = {"planner": _of_planners, "localiser": _of_localisers, "odometry": _of_odometries,
             "mapper": _of_mappers, "loop_closer": _of_loop_closers}.get(kind)

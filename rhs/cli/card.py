@@ -2,10 +2,14 @@
 
     python -m rhs card localiser=sift_db
     python -m rhs --plugin my.py card planner=mine planner.samples=500
+    python -m rhs card localiser=mine source=replay source.path=LOG,OTHER sensor=laser map=MAP.yaml  # on yours
+    python -m rhs card odometry=mine source=replay source.path=FOLDER
 
 Contract (rhs.testing), planted questions or drives with known truth, the same for everybody, ours beside it; calibration,
-break points, CPU time, memory. Files: card.html (one page that needs no other), card.json. Exit code 0 when it keeps its
-contract and no fault was found, 1 otherwise, 2 refused.
+break points, CPU time, memory. With words of a run on recordings, a localiser (task=localise; a start every 15 m, unless
+start= or restart_every_m= is typed) or an odometry is judged on these instead. Files: card.html (one page that needs no
+other), card.json, on recordings the folders of the runs. Exit code 0 when it keeps its contract and no fault was found, 1
+otherwise, 2 refused.
 """
 
 from __future__ import annotations
@@ -32,9 +36,18 @@ def main(words: Sequence[str]) -> int:
     from rhs.reports.export import write_texts
 
     output = next((Path(word.partition("=")[2]) for word in words if word.startswith("output=")), None)
-    kind, name, chosen = part_of([word for word in words if not word.startswith("output=")], "card")
-    card = card_of(kind, name, chosen, tell=say)
-    folder = output or HOME / f"{kind}_{name}"
+    words = [word for word in words if not word.startswith("output=")]
+    kind = words[0].partition("=")[0] if words else ""
+    question = [word for word in words[1:] if not word.startswith(f"{kind}.")]
+    recorded = any(word.partition("=")[0] == "source" for word in question)
+    kind, name, chosen = part_of([word for word in words if word not in question] if recorded else words, "card")
+    folder = output or HOME / f"{kind}_{name}{'_on_recordings' if recorded else ''}"
+    if recorded:
+        from .card_recordings import card_on
+
+        card = card_on(kind, name, chosen, [word for word in words[1:] if word not in question], question, folder)
+    else:
+        card = card_of(kind, name, chosen, tell=say)
     write_texts(folder, {"card.json": json.dumps(card.content, indent=1) + "\n", "card.html": page_of(card)})
     say("")
     for line in card.content["verdict"]:

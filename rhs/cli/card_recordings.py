@@ -1,0 +1,85 @@
+"""`python -m rhs card localiser=mine source=replay source.path=...`: the card on recordings of somebody's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rhs.api import settings as plain_settings
+from rhs.base.errors import ConfigError, PluginError
+from rhs.base.provenance import commit, versions
+from rhs.card import recordings
+from rhs.card.card import Card, contract, without_nan
+from rhs.config import registry
+from rhs.sweeps.job import Job, Limits
+from rhs.sweeps.jobs import processors
+from rhs.sweeps.kept import kept_rows
+from rhs.sweeps.sweep import plan
+
+from .progress import running
+
+RUNS = "runs"  # below the folder of the card
+
+
+def card_on(kind: str, name: str, settings: Any, own: Sequence[str], question: Sequence[str], folder: Path) -> Card:
+    """The card of `kind=name` on recordings. own: the words of its settings; question: all others. The runs stay in
+    folder/runs: typed again, those that ended are not run again. Raises ConfigError, before anything runs."""
+    if kind not in recordings.COLUMNS:
+        raise ConfigError(f"card {kind}={name}: on recordings there are cards of {' and '.join(recordings.COLUMNS)}; leave "
+                          "out source=, for its card on the standard set")
+    jobs = jobs_of(kind, name, own, question)
+    every = [job for each in jobs.values() for job in each]
+    with running(len(every)) as tell:
+        rows = dict(zip([job.name for job in every], kept_rows(every, folder / RUNS, Limits(processors()), tell=tell),
+                        strict=True))
+    mine, found = f"{kind}={name}", {part: [rows[job.name] for job in each] for part, each in jobs.items()}
+    found = {part: each for part, each in found.items() if part == mine or any(row["status"] == "ok" for row in each)}
+    own_rows = dict(zip(called(jobs[mine]), found[mine], strict=True))
+    checked = contract(kind, settings)
+    failed = [one["check"] for one in checked if not one["holds"]]
+    content: dict[str, Any] = {
+        "part": mine, "from": " and ".join(origin.distribution for origin in registry.origins(kind, name)),
+        "settings": plain_settings.plain(settings), "commit": commit(), "versions": versions(), "contract": checked,
+        "set_title": "On your recordings", "standard_set": f"python -m rhs -m {' '.join(typed(kind, question))}",
+        "columns": recordings.meanings(kind), "rooms_title": "Recording by recording",
+        "figures": {part: recordings.figures(kind, each) for part, each in found.items()},
+        "rooms": {one: recordings.figures(kind, [row]) for one, row in own_rows.items()},
+        "verdict": [f"breaks its contract in {len(failed)} of {len(checked)} checks: {', '.join(failed)}" if failed
+                    else f"keeps its contract ({len(checked)} checks)", *recordings.sentences(kind, own_rows)],
+        "passes": not failed and all(row["status"] == "ok" for row in own_rows.values())}
+    runs = {part: [folder / RUNS / job.name for job in jobs[part]] for part in found}
+    return Card(without_nan(content), pictures=recordings.pictures(kind, mine, runs))
+
+
+def typed(kind: str, question: Sequence[str]) -> list[str]:
+    """The words of the runs but for the part."""
+    keys = {word.partition("=")[0] for word in question}
+    more = [] if "task" in keys else ["task=localise" if kind == "localiser" else "task=survey"]
+    if kind == "localiser" and not keys & {"start", "restart_every_m", "kidnap_every_m"}:
+        more.append(f"restart_every_m={recordings.RESTART_M:g}")
+    return [*more, *question]
+
+
+def jobs_of(kind: str, name: str, own: Sequence[str], question: Sequence[str]) -> dict[str, Sequence[Job]]:
+    """Part -> its runs, one for each recording; first the one that is judged, then those of ours that can be asked."""
+    words = typed(kind, question)
+    jobs: dict[str, Sequence[Job]] = {f"{kind}={name}": plan([*words, f"{kind}={name}", *own]).first}
+    for other in (one for one in recordings.BESIDE[kind] if one != name and one in registry.names(kind)):
+        try:
+            jobs[f"{kind}={other}"] = plan([*words, f"{kind}={other}"]).first
+        except (ConfigError, PluginError):
+            continue  # it needs what these recordings do not have
+        if len(jobs) > recordings.MOST_BESIDE:
+            break
+    return jobs
+
+
+def called(jobs: Sequence[Job]) -> list[str]:
+    """A name for each run: its recording, with what else the words vary where that is not all."""
+    paths = [Path(str(getattr(job.config.parts["source"].settings, "path", "recording"))).name for job in jobs]
+    if len({*paths}) == len(paths):
+        return paths
+    varied: list[Mapping[str, Any]] = [job.varied for job in jobs]
+    return [" ".join([path, *(f"{key}={value}" for key, value in one.items() if key != "source.path")])
+            for path, one in zip(paths, varied, strict=True)]
