@@ -223,7 +223,7 @@ def align(
     return se3(rotation, mean_t - scale * rotation @ mean_s), scale
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """Pinhole camera with skew and optional lens distortion (thesis eqs 2.1-2.20).
 
@@ -243,6 +243,17 @@ class Camera:
     distortion: tuple[float, ...] = ()
     body_from_camera: np.ndarray = field(default_factory=lambda: se3(BODY_FROM_OPTICAL, np.zeros(3)))
     readout_s: float = 0.0
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all numbers are the same."""
+        return self._numbers() == other._numbers() if isinstance(other, Camera) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._numbers())
+
+    def _numbers(self) -> tuple[object, ...]:
+        return (self.width, self.height, self.fx, self.fy, self.cx, self.cy, self.skew, tuple(self.distortion),
+                self.readout_s, *np.ravel(self.body_from_camera).tolist())
 
     @property
     def matrix(self) -> np.ndarray:

@@ -36,6 +36,8 @@ def card_on(kind: str, name: str, settings: Any, own: Sequence[str], question: S
     mine, found = f"{kind}={name}", {part: [rows[job.name] for job in each] for part, each in jobs.items()}
     found = {part: each for part, each in found.items() if part == mine or any(row["status"] == "ok" for row in each)}
     own_rows = dict(zip(called(jobs[mine]), found[mine], strict=True))
+    if all(row["status"] == "refused" for row in found[mine]):
+        raise ConfigError(str(found[mine][0]["reason"]))
     checked = contract(kind, settings)
     failed = [one["check"] for one in checked if not one["holds"]]
     content: dict[str, Any] = {

@@ -82,7 +82,7 @@ def test_a_camera_survives_as_numbers():
     camera = replace(beside(CAMERA, TURNED), distortion=LENS, skew=0.25)
     again = camera_of(camera_numbers(camera))
     np.testing.assert_array_equal(again.body_from_camera, camera.body_from_camera)
-    assert replace(again, body_from_camera=camera.body_from_camera) == camera
+    assert again == camera and hash(again) == hash(camera) and again != beside(camera, TURNED) and again != "a camera"
     with pytest.raises(ValueError, match="expected"):
         camera_of(np.zeros(5))
 
