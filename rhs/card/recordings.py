@@ -62,8 +62,8 @@ def sentences(kind: str, mine: Mapping[str, Mapping[str, Any]]) -> list[str]:
         if row["status"] != "ok":
             said.append(f"{name}: {row['status']}: {row.get('reason') or 'it left no row'}")
         elif np.isfinite(number_in(row, "relations_trans_m")):
-            said.append(f"{name}: {100 * number_in(row, 'relations_trans_m'):.3g} cm off in the mean by its relations; of the "
-                        f"walls {100 * number_in(row, 'map_inconsistency'):.1f} % are seen through from elsewhere")
+            said.append(f"{name}: {100 * number_in(row, 'relations_trans_m'):.3g} cm off in the mean by its relations; "
+                        f"of the walls {100 * number_in(row, 'map_inconsistency'):.1f} % are seen through from elsewhere")
         elif not np.isfinite(number_in(row, JUDGED[kind])):
             said.append(f"{name} has no truth (source.truth=FILE): {TOLD[kind]}")
         elif kind == "localiser":
