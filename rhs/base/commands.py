@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import re
 import stat
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from .errors import ConfigError, RhsError
 
 INTERRUPTED = 130
-LONGEST = 190  # characters of a complaint
+LONGEST = 250  # characters of a complaint
 POINTER = b"version https://git-lfs"
 _FOLDERS = re.compile(r"^([\w.]*=)?[^:]*/([^/:]+)(?=:)")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff]+")
@@ -26,33 +28,67 @@ class Arguments(argparse.ArgumentParser):
         raise ConfigError(f"{message}; see {self.prog} --help")
 
 
-def answered(work: Callable[[], int]) -> int:
-    """The exit code of a command; what it raises becomes one line on stderr and an exit code."""
+def answered(work: Callable[[], int], *, debug: bool | None = None) -> int:
+    """The exit code of a command; what it raises becomes one line on stderr and an exit code. debug: with the traceback,
+    and the line whole; None: as the command line says."""
     try:
         return work()
     except RhsError as error:
-        return complain(str(error), error.exit_code)
+        return complain(str(error), error.exit_code, error, debug=debug)
     except KeyboardInterrupt as error:
-        return complain("interrupted", getattr(error, "exit_code", INTERRUPTED))
+        return complain("interrupted; what was finished is kept", signal_code(error), error, debug=debug)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
-        return complain(f"{type(error).__name__}: {error}", 1)
+        said = not_written(error) if isinstance(error, OSError) else ""
+        return complain(said or f"{type(error).__name__}: {error} (--debug shows where)", 1, error, debug=debug)
 
 
-def complain(text: str, code: int) -> int:
-    """Write one line of text to stderr, as every command begins it; returns the code."""
-    sys.stderr.write(f"rhs: {shortened(plain(text))}\n")
+def complain(text: str, code: int, error: BaseException | None = None, *, debug: bool | None = None) -> int:
+    """Write one line of text to stderr, as every command begins it; returns the code. error: whose traceback is shown by
+    --debug."""
+    debug = "--debug" in sys.argv if debug is None else debug
+    if debug and error is not None:
+        traceback.print_exception(error)
+    text = plain(text)
+    if len(text) > LONGEST and not debug:
+        text = f"{shortened(text, LONGEST - 20)} (--debug: all of it)"
+    sys.stderr.write(f"rhs: {text}\n")
     return code
 
 
+def signal_code(error: BaseException) -> int:
+    """Exit code of what was interrupted: by SIGTERM or by Ctrl-C."""
+    return int(getattr(error, "exit_code", INTERRUPTED))
+
+
+def not_written(error: OSError) -> str:
+    """What to do about a disk that is full or cannot be written to; empty for another error."""
+    if error.errno not in (errno.EROFS, errno.ENOSPC, errno.EDQUOT):
+        return ""
+    where = f" {error.filename}" if error.filename else ""
+    return f"cannot write{where}: {error.strerror}; free some space, or go to another folder or name one by output=FOLDER"
+
+
 def shortened(text: str, most: int = LONGEST) -> str:
-    """Text of at most that many characters. Where it is too long and begins with a file, the file's folders go first: what
-    to type stands at the end."""
+    """Text of at most that many characters. Where it is too long and begins with a file, the file's folders go first; then
+    what stands before the last `; `, behind which it says what to type."""
     if len(text) > most:
         text = _FOLDERS.sub(r"\1.../\2", text)
-    return text if len(text) <= most else f"{text[:most - 3]}..."
+    if len(text) <= most:
+        return text
+    said, _, advice = text.rpartition("; ")
+    room = most - len(advice) - 5
+    if said and room >= most // 3:
+        return f"{_words(said, room)}...; {advice}"
+    return f"{_words(text, most - 3)}..."
+
+
+def _words(text: str, most: int) -> str:
+    """The first whole words of a text."""
+    begun, cut = text[:most], text[:most].rpartition(" ")[0]
+    return begun if text[most:most + 1] in ("", " ") or len(begun) - len(cut) > most // 3 else cut
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

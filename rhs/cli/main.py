@@ -15,7 +15,6 @@ os.environ |= steady()  # before numpy is imported
 
 import argparse
 import atexit
-import errno
 import faulthandler
 import gc
 import io
@@ -25,13 +24,13 @@ import warnings
 from contextlib import suppress
 from pathlib import Path
 
-from rhs.base.commands import Arguments, plain
+from rhs.base.commands import Arguments, answered, plain
 from rhs.base.errors import ConfigError, EngineError, RhsError
 from rhs.base.system import ENDINGS
 
 from .arguments import JOBS, TIMEOUT, Number, add, check, limits
 from .commands import command, plugin_files
-from .one_run import Terminated, complain, one_run, signal_code
+from .one_run import Terminated, one_run
 from .streams import tell_errors_beside, warnings_in_lines
 
 COLLECT_AFTER = 20_000  # new objects: what is loaded at the start is no garbage, and a run makes little
@@ -52,26 +51,22 @@ def main(words: list[str] | None = None) -> int:
     terminate = raises(Terminated)
     before = {number: signal.signal(number, terminate) for number in ends}
     try:
-        files, rest = plugin_files(words)
-        if files:
-            from rhs.config.loose import load_files
-
-            load_files(files, rest)
-        if (ask := command(rest)) is not None:
-            return ask()
-        return _run(_arguments().parse_intermixed_args(rest))
-    except RhsError as error:
-        return complain(error, error.exit_code, debug)
-    except KeyboardInterrupt as error:
-        return complain(error, signal_code(error), debug, "interrupted; what was finished is kept")
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except Exception as error:
-        return complain(error, 1, debug, not_written(error) if isinstance(error, OSError) else "")
+        return answered(lambda: _asked(words), debug=debug)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _asked(words: list[str]) -> int:
+    """A command, a run or a sweep."""
+    files, rest = plugin_files(words)
+    if files:
+        from rhs.config.loose import load_files
+
+        load_files(files, rest)
+    if (ask := command(rest)) is not None:
+        return ask()
+    return _run(_arguments().parse_intermixed_args(rest))
 
 
 def entry() -> int:
@@ -103,14 +98,6 @@ def entry() -> int:
     if sys.getprofile() is None and sys.gettrace() is None:
         _leave(code)
     return code
-
-
-def not_written(error: OSError) -> str:
-    """What to do about a disk that is full or cannot be written to; empty for another error."""
-    if error.errno not in (errno.EROFS, errno.ENOSPC, errno.EDQUOT):
-        return ""
-    where = f" {error.filename}" if error.filename else ""
-    return f"cannot write{where}: {error.strerror}; free some space, or go to another folder or name one by output=FOLDER"
 
 
 def open_streams() -> None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import sys
-import traceback
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rhs.base.commands import INTERRUPTED, LONGEST, plain, shortened
-from rhs.base.errors import RhsError
+from rhs.base.commands import LONGEST, complain, plain, shortened, signal_code
 
 from . import first_run
 from .streams import streams_kept
@@ -65,7 +63,7 @@ def one_run(config: RunConfig, debug: bool) -> int:
         return 0
     code = 1 if cause is None or status != "interrupted" else signal_code(cause)
     reason = str(row.get("reason", ""))
-    return complain(cause, code, debug, reason if reason.startswith(str(status)) else f"{status}: {reason}")
+    return complain(reason if reason.startswith(str(status)) else f"{status}: {reason}", code, cause, debug=debug)
 
 
 def _check_hint(row: dict[str, Any]) -> str:
@@ -78,22 +76,3 @@ def _compiling(beside: bool) -> None:
     print(COMPILES, file=sys.stderr, flush=True)
     if beside:
         first_run.begin()
-
-
-def signal_code(error: BaseException) -> int:
-    """Exit code of a run that was interrupted: by SIGTERM or by Ctrl-C."""
-    return int(getattr(error, "exit_code", INTERRUPTED))
-
-
-def complain(error: BaseException | None, code: int, debug: bool, text: str = "") -> int:
-    """One line on stderr; the traceback only with --debug."""
-    if debug and error is not None:
-        traceback.print_exception(error)
-    if not text:
-        text = " ".join(str(error).split())
-        text = text if isinstance(error, RhsError) else f"{type(error).__name__}: {text} (--debug shows where)"
-    text = plain(text)
-    if len(text) > LONGEST and not debug:
-        text = f"{shortened(text, LONGEST - 20)} (--debug: all of it)"
-    print(f"rhs: {text}", file=sys.stderr)
-    return code

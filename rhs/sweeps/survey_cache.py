@@ -2,8 +2,8 @@
 
 A file's name is a hash of all that its survey depends on (`key_of`); it holds a pickle, and a digest of it, so that one
 that was cut or changed is led anew. Files are written whole and renamed, and the one that was used longest ago goes first:
-any number of processes may read, write and clear at the same time. Nothing but this program's own files is unpickled: the
-folder is the user's own.
+any number of processes may read, write and clear at the same time. A pickle is code: only files that are this user's own,
+in a folder of his own, that nobody else may write to, are read.
 """
 
 from __future__ import annotations
@@ -78,10 +78,12 @@ def load(key: str) -> SharedSurvey | None:
     """The survey of this name, as it was led; None where it is not kept or cannot be read."""
     path = cache_folder() / (key + ENDING)
     try:
+        for one in (path.parent, path):
+            check_own(one)
         content = path.read_bytes()
         if _digest(memoryview(content)[DIGEST_BYTES:]) != content[:DIGEST_BYTES]:
             raise ValueError("the file was cut or changed")
-        shared: SharedSurvey = pickle.loads(memoryview(content)[DIGEST_BYTES:])  # noqa: S301 (the user's own folder)
+        shared: SharedSurvey = pickle.loads(memoryview(content)[DIGEST_BYTES:])  # noqa: S301 (see check_own)
         os.utime(path)
     except FileNotFoundError:
         return None
@@ -91,6 +93,13 @@ def load(key: str) -> SharedSurvey | None:
     freeze((shared.survey, shared.steps))
     logger.info("the survey is that of %s", path)
     return replace(shared, kept=True)
+
+
+def check_own(path: Path) -> None:
+    """Raises RhsError for what somebody else owns or may write to."""
+    about = path.stat()
+    if hasattr(os, "getuid") and (about.st_uid != os.getuid() or about.st_mode & 0o022):
+        raise RhsError(f"{path} is another user's, or others may write to it: chmod go-w it, or set {FOLDER}")
 
 
 def keep(key: str, shared: SharedSurvey) -> None:

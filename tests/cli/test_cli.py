@@ -268,7 +268,7 @@ def test_a_command_that_is_ended_by_sigterm_says_so_by_its_exit_code(capsys):
     def ended():
         raise Terminated
 
-    assert answered(ended) == 143 and capsys.readouterr().err == "rhs: interrupted\n"
+    assert answered(ended) == 143 and capsys.readouterr().err == "rhs: interrupted; what was finished is kept\n"
 
 
 def test_who_is_started_without_streams_hands_on_some():

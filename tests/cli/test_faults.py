@@ -17,7 +17,9 @@ from rhs.base.system import vector_units
 from rhs.runfolder.row import canonical_hash, read_row
 
 ROOT = Path(__file__).resolve().parents[2]
-OWN_MEMORY = ("rhs/estimation/kept_views.py",)  # pickles views into a file without a name, which only this process can open
+OWN_MEMORY = ("rhs/estimation/kept_views.py",  # pickles views into a file without a name, which only this process can open
+              "rhs/sweeps/survey_cache.py",  # reads back its own files, of this user and nobody else's to write
+              "rhs/testing/odometry.py")  # reads what it has just made
 SOURCES = [*sorted((ROOT / "rhs").rglob("*.py")), *sorted((ROOT / "plugins").rglob("*.py"))]
 
 

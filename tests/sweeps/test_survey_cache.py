@@ -74,6 +74,21 @@ def test_a_file_that_was_changed_is_led_anew_and_replaced(first, tmp_path):
     assert hashes(tmp_path / "s") == hashes(first / "a") and (cache / kept.name).read_bytes()[-1:] != b"!"
 
 
+def test_nothing_is_read_that_others_may_write_to(first, monkeypatch, caplog):
+    """A pickle is code."""
+    monkeypatch.setenv("RHS_CACHE", str(first / "cache"))
+    kept = next((first / "cache" / "surveys").iterdir())
+    with installed(FAKES):
+        assert survey_cache.load(kept.stem) is not None
+        kept.chmod(0o666)
+        assert survey_cache.load(kept.stem) is None and "others may write to it" in caplog.text
+        kept.chmod(0o600)
+        kept.parent.chmod(0o777)
+        assert survey_cache.load(kept.stem) is None
+        kept.parent.chmod(0o700)
+        assert survey_cache.load(kept.stem) is not None
+
+
 def test_a_part_that_cannot_go_on_in_another_process_costs_time_and_no_row(tmp_path):
     words = [*CHAIN, "odometry=faulty", "odometry.how=handle", "odometry.at=1", "localiser=fake", "planner.samples=5"]
     assert "1 jobs: 1 ok" in rhs(tmp_path, *words, "output=a")
