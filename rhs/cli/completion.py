@@ -8,7 +8,10 @@ The shell asks back with the line typed so far (`completion words LINE`) and get
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import io
+import re
 import sys
 import typing
 from collections.abc import Iterable, Iterator, Sequence
@@ -69,9 +72,11 @@ def completions(line: str) -> list[str]:
     word, before = typed[-1], [text for text in typed[1:-1] if text]
     key, equals, _ = word.partition("=")
     if word.startswith("-"):
-        found: Iterable[str] = OPTIONS
+        found: Iterable[str] = options_of(before[0]) if before and before[0] in COMMANDS else OPTIONS
     elif before[:1] == ["help"] or before == ["new"]:
         found = PLUGIN_KINDS if before == ["new"] else TOPICS
+    elif before == ["cache"]:
+        found = ("clear",)
     elif not word and (before[-1:] and before[-1] in OF_FILES or set(before[:1]) & {*COMMANDS}):
         found = ()
     elif equals:
@@ -81,6 +86,17 @@ def completions(line: str) -> list[str]:
     else:
         found = [*_heads(before), *(COMMANDS if not before else ())]
     return sorted({text for text in found if text.startswith(word)})
+
+
+def options_of(name: str) -> list[str]:
+    """The options of a command, as its --help tells them."""
+    from .commands import command
+
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.suppress(SystemExit):
+        if (ask := command([name, "--help"])) is not None:
+            ask()
+    return re.findall(r"(?<![\w-])--[a-z][a-z-]+", said.getvalue())
 
 
 def _heads(before: Sequence[str]) -> Iterator[str]:

@@ -19,10 +19,15 @@ from rhs.cli.main import main
     ("rhs source.rend", "source.renderer="), ("rhs source.renderer=t", "source.renderer=tinyrenderer"),
     ("rhs recording=j", "recording=jpeg"), ("rhs features.adv", "features.advanced."), ("rhs help col", "columns"),
     ("rhs -m engine=d", "engine=dask"), ("rhs task=planning world=ma", "world=map1"),
-    ("rhs task=planning planning.sc", "planning.scenario="), ("rhs new pl", "planner")])
+    ("rhs task=planning planning.sc", "planning.scenario="), ("rhs new pl", "planner"), ("rhs cache cl", "clear")])
 def test_the_last_word_is_completed(line, among):
     found = completions(line)
     assert all(text.startswith(line.split(" ")[-1]) for text in found) and any(text.startswith(among) for text in found)
+
+
+def test_options_are_those_of_the_command():
+    assert {"--group", "--rows", "--latex"} <= set(completions("rhs table --")) and "--jobs" not in completions("rhs table --")
+    assert completions("rhs break world=home --ru") == ["--runs"] and completions("rhs cache --") == []
 
 
 @pytest.mark.parametrize("line", ["rhs blame ", "rhs --resume ", "rhs -m --plugin ", "rhs report results/"])
