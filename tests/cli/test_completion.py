@@ -26,7 +26,8 @@ def test_the_last_word_is_completed(line, among):
 
 
 def test_options_are_those_of_the_command():
-    assert {"--group", "--rows", "--latex"} <= set(completions("rhs table --")) and "--jobs" not in completions("rhs table --")
+    of_table = completions("rhs table --")
+    assert {"--group", "--rows", "--latex"} <= set(of_table) and "--jobs" not in of_table
     assert completions("rhs break world=home --ru") == ["--runs"] and completions("rhs cache --") == []
 
 
