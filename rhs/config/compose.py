@@ -146,8 +146,8 @@ def _check_names(values: dict[str, Any], choices: dict[str, str | None]) -> None
     its first line would be a key of that name."""
     for group in ("experiment", "stack"):
         if group in values:
-            raise ConfigError(f"{group}={choices.get(group) or '...'}: its file must begin with the line `# @package _global_`: "
-                              "its keys are those of the run")
+            raise ConfigError(f"{group}={choices.get(group) or '...'}: its file must begin with the line "
+                              "`# @package _global_`: its keys are those of the run")
     for kind in (*KINDS, SLAM, DEGRADE, TASK):
         node, choice = values.get(kind), choices.get(kind)
         name = node.get("name") if isinstance(node, dict) else node

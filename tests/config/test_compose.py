@@ -136,6 +136,12 @@ def test_one_bad_value_is_refused_alike_from_yaml_override_and_python(tmp_path):
     with pytest.raises(ConfigError) as from_yaml:
         compose_config([*CHOICE, "experiment=bad"], folders=(tmp_path,))
     assert str(from_yaml.value) == f"{tmp_path}/experiment/bad.yaml:3: {typed}"
+    plain = to_plain(compose())
+    plain["planner"]["samples"] = -5
+    with pytest.raises(ConfigError) as read_back:
+        from_plain(plain)
+    assert str(read_back.value) == typed
+
 
 
 def test_an_experiment_without_its_first_line_says_which(tmp_path):
@@ -143,11 +149,6 @@ def test_an_experiment_without_its_first_line_says_which(tmp_path):
     (tmp_path / "experiment" / "bare.yaml").write_text("world: square_small\n")
     with pytest.raises(ConfigError, match="experiment=bare: its file must begin with the line `# @package _global_`"):
         compose_config([*CHOICE, "experiment=bare"], folders=(tmp_path,))
-    plain = to_plain(compose())
-    plain["planner"]["samples"] = -5
-    with pytest.raises(ConfigError) as read_back:
-        from_plain(plain)
-    assert str(read_back.value) == typed
 
 
 @pytest.mark.parametrize(("text", "says"), [
