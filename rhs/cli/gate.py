@@ -4,6 +4,8 @@
         --measure NAME    column that is compared (planning: plan_length_m; else ate_rmse_m); less is better, or
                           more where `python -m rhs help columns` says so
         --margin 0.02     a loss of this share of it is still no worse; worse is one that is sure and seems larger
+        --lost 0.2        successes lost by this share of all runs are still no worse; 20 pairs of which none is lost can tell
+                          0.2, 100 can tell 0.05
         --pairs 20        at most so many pairs; it stops as soon as it is sure
         --jobs N          processes at a time (one per core)
         output=FOLDER     where the new runs go (a new folder under results/sweeps); killed, the same goes on there
@@ -43,10 +45,11 @@ Row = Mapping[str, object]
 def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.config.dictionary import columns
+    from rhs.reports.gate import LOST
     from rhs.runfolder.folders import claim_sweep
 
     chosen = parse("gate", __doc__, words, measure="", margin=Number(0.02, low=0.0, high=1.0),
-                   pairs=Number(20, low=4, high=100_000), jobs=JOBS)
+                   lost=Number(LOST, low=0.0, high=1.0), pairs=Number(20, low=4, high=100_000), jobs=JOBS)
     change = [word for word in chosen.words if "=" in word]
     folders = [word for word in chosen.words if "=" not in word]
     if len(folders) != 1 or not change:
@@ -59,8 +62,8 @@ def main(words: Sequence[str]) -> int:
     more_is_better = column is not None and column.more_is_better
     within = limits(chosen)
     with claim_sweep(chosen.output) as claim, going_on(claim.folder):
-        found, notes = _compared(pairs, claim.folder, within, measure, chosen.margin, more_is_better)
-        content = {"measure": measure, "margin": chosen.margin, **asdict(found)}
+        found, notes = _compared(pairs, claim.folder, within, measure, chosen.margin, chosen.lost, more_is_better)
+        content = {"measure": measure, "margin": chosen.margin, "lost_margin": chosen.lost, **asdict(found)}
         (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
         told = f"{measure} (more is better)" if more_is_better else measure
         sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *notes, f"files: {claim.folder}", ""]))
@@ -111,7 +114,7 @@ def _check_measure(measure: str, old: Sequence[Row], folder: str) -> None:
 
 
 def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
-              margin: float, more_is_better: bool = False) -> tuple[Verdict, list[str]]:
+              margin: float, lost_margin: float, more_is_better: bool = False) -> tuple[Verdict, list[str]]:
     """Run new jobs until a look settles it, or there are no more; and what is to be said of them."""
     from rhs.reports.gate import error_parts, judge, looks
     from rhs.sweeps.kept import broken_off, kept_rows
@@ -128,7 +131,7 @@ def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, me
             ranks = [(rank(a), rank(b)) for a, b in zip(old, new, strict=True)]
             found = judge([measured(row, measure) for row in old], [measured(row, measure) for row in new],
                           [(before > after, after > before) for before, after in ranks], margin=margin, level=level,
-                          more_is_better=more_is_better)
+                          more_is_better=more_is_better, lost_margin=lost_margin)
             if found.word != "needs more runs":
                 break
     made = made_otherwise(str(old[0].get("versions") or ""), str(new[0].get("versions") or ""))
@@ -163,8 +166,8 @@ def in_words(found: Verdict, measure: str, margin: float) -> str:
     if found.pairs == found.lost == found.won == 0:
         text = "no old and no new run did what it was asked for, nothing can be compared"
     more = f"; about {found.needed} pairs would settle it" if found.needed else ""
-    if found.word in ("no worse", "better"):
-        more = f"; what strikes fewer than {100 * found.unseen:.0f} % of runs may not have shown"
+    if found.word != "worse" and found.pairs + found.lost + found.won:
+        more = f"; that up to {100 * found.lost_at_most:.0f} % of runs lose theirs is not ruled out{more}"
     if found.low == found.high == 0.0:
         more += "; not a digit of it changed: name one that the change can move by --measure NAME"
     return f"{word}: {text}; successes lost {found.lost}, won {found.won}{more}"
