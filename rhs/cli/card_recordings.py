@@ -28,12 +28,16 @@ def card_on(kind: str, name: str, settings: Any, own: Sequence[str], question: S
     if kind not in recordings.COLUMNS:
         raise ConfigError(f"card {kind}={name}: on recordings there are cards of {' and '.join(recordings.COLUMNS)}; leave "
                           "out source=, for its card on the standard set")
-    jobs = jobs_of(kind, name, own, question)
+    jobs, why_not = jobs_of(kind, name, own, question)
     every = [job for each in jobs.values() for job in each]
     with running(len(every)) as tell:
         rows = dict(zip([job.name for job in every], kept_rows(every, folder / RUNS, Limits(processors()), tell=tell),
                         strict=True))
-    mine, found = f"{kind}={name}", {part: [rows[job.name] for job in each] for part, each in jobs.items()}
+    mine = f"{kind}={name}"
+    found = {part: [_row(kind, rows, one, None if part == mine else own_one, folder / RUNS)
+                    for one, own_one in zip(each, jobs[mine], strict=True)] for part, each in jobs.items()}
+    why_not |= {part: str(each[0].get("reason") or each[0]["status"]) for part, each in found.items()
+                if part != mine and not any(row["status"] == "ok" for row in each)}
     found = {part: each for part, each in found.items() if part == mine or any(row["status"] == "ok" for row in each)}
     own_rows = dict(zip(called(jobs[mine]), found[mine], strict=True))
     if all(row["status"] == "refused" for row in found[mine]):
@@ -48,7 +52,8 @@ def card_on(kind: str, name: str, settings: Any, own: Sequence[str], question: S
         "figures": {part: recordings.figures(kind, each) for part, each in found.items()},
         "rooms": {one: recordings.figures(kind, [row]) for one, row in own_rows.items()},
         "verdict": [f"breaks its contract in {len(failed)} of {len(checked)} checks: {', '.join(failed)}" if failed
-                    else f"keeps its contract ({len(checked)} checks)", *recordings.sentences(kind, own_rows)],
+                    else f"keeps its contract ({len(checked)} checks)", *recordings.sentences(kind, own_rows),
+                    *(f"not beside it, {part}: {why.partition('; type')[0]}" for part, why in why_not.items())],
         "passes": not failed and all(row["status"] == "ok" for row in own_rows.values())}
     runs = {part: [folder / RUNS / job.name for job in jobs[part]] for part in found}
     return Card(without_nan(content), pictures=recordings.pictures(kind, mine, runs))
@@ -63,18 +68,28 @@ def typed(kind: str, question: Sequence[str]) -> list[str]:
     return [*more, *question]
 
 
-def jobs_of(kind: str, name: str, own: Sequence[str], question: Sequence[str]) -> dict[str, Sequence[Job]]:
-    """Part -> its runs, one for each recording; first the one that is judged, then those of ours that can be asked."""
+def _row(kind: str, rows: Mapping[str, Any], job: Job, mine: Job | None, folder: Path) -> dict[str, Any]:
+    """The row of a run with what the card adds. mine: the job of the part of the card, None for itself."""
+    row = dict(rows[job.name])
+    return row if row["status"] != "ok" else row | recordings.of_card(kind, folder / job.name,
+                                                                     None if mine is None else folder / mine.name)
+
+
+def jobs_of(kind: str, name: str, own: Sequence[str],
+            question: Sequence[str]) -> tuple[dict[str, Sequence[Job]], dict[str, str]]:
+    """Part -> its runs, one for each recording; first the one that is judged, then those of ours that can be asked. And why
+    others of ours cannot be."""
     words = typed(kind, question)
+    why_not: dict[str, str] = {}
     jobs: dict[str, Sequence[Job]] = {f"{kind}={name}": plan([*words, f"{kind}={name}", *own]).first}
     for other in (one for one in recordings.BESIDE[kind] if one != name and one in registry.names(kind)):
         try:
             jobs[f"{kind}={other}"] = plan([*words, f"{kind}={other}"]).first
-        except (ConfigError, PluginError):
-            continue  # it needs what these recordings do not have
+        except (ConfigError, PluginError) as error:
+            why_not[f"{kind}={other}"] = str(error)  # it needs what these recordings do not have
         if len(jobs) > recordings.MOST_BESIDE:
             break
-    return jobs
+    return jobs, why_not
 
 
 def called(jobs: Sequence[Job]) -> list[str]:

@@ -4,8 +4,8 @@
         --measure NAME    column that is compared (planning: plan_length_m; else ate_rmse_m); less is better, or
                           more where `python -m rhs help columns` says so
         --margin 0.02     a loss of this share of it is still no worse; worse is one that is sure and seems larger
-        --lost 0.2        successes lost by this share of all runs are still no worse; 20 pairs of which none is lost can tell
-                          0.2, 100 can tell 0.05
+        --lost 0.2        successes lost by this share of all runs are still no worse; 20 pairs of which none is lost can
+                          tell 0.2, 100 can tell 0.05
         --pairs 20        at most so many pairs; it stops as soon as it is sure
         --jobs N          processes at a time (one per core)
         output=FOLDER     where the new runs go (a new folder under results/sweeps); killed, the same goes on there

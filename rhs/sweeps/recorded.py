@@ -6,7 +6,6 @@ lasers are what they were; there is nothing to drive, so a run is a survey.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -16,11 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.geometry import inverse
-from rhs.api.trajectory import read_tum
 from rhs.base.errors import ConfigError
 from rhs.config.overrides import Word, parse, plain_words
-from rhs.metrics.accuracy import pair
+from rhs.metrics.accuracy import nees_of
 
 COMMON = ("task=survey", "source=replay", "recording=off", "pictures=off", "seed=0")
 TOLERANCE_S = 0.02  # between an estimate and the truth it is compared with
@@ -131,27 +128,6 @@ def cells_of(combination: str, name: str, row: Mapping[str, Any], folder: Path) 
     cause = " ".join(str(row.get("cause") or row.get("reason") or "").split())
     cells = {"combination": combination, "building": name, "seed": "0", "status": str(row["status"]), **said, "cause": cause}
     return {one: cells[one] for one in CELLS}
-
-
-def nees_of(folder: Path) -> float:
-    """Mean of the squared error of x and y, as believed while the views came, over its stated variance, per dimension
-    (Bar-Shalom, Li and Kirubarajan 2001, section 5.4, without correlations, which steps.csv does not hold). The first poses
-    are made to agree. NaN without a truth."""
-    ways = [folder / "estimate.tum", folder / "truth_survey.tum", folder / "steps.csv"]
-    if not all(way.is_file() for way in ways):
-        return float("nan")
-    both = pair(read_tum(ways[0]), read_tum(ways[1]), TOLERANCE_S)
-    if len(both.truth) < 2:
-        return float("nan")
-    map_from_truth = both.estimate.poses[0] @ inverse(both.truth.poses[0])
-    errors = (both.estimate.poses[:, :2, 3] - (map_from_truth @ both.truth.poses)[:, :2, 3])[1:]
-    with ways[2].open(encoding="utf-8", newline="") as file:
-        sigmas = {float(row["stamp_s"]): (float(row["sigma_x_m"]), float(row["sigma_y_m"])) for row in csv.DictReader(file)
-                  if row["phase"] == "survey" and row["sigma_x_m"]}
-    known = np.array(list(sigmas))
-    nearest = [int(np.argmin(np.abs(known - stamp))) for stamp in both.estimate.stamps_s[1:]]
-    stated = np.array(list(sigmas.values()))[nearest]
-    return float(np.mean((errors / np.maximum(stated, 1e-9)) ** 2))
 
 
 # --- the page -------------------------------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ def test_how_many_successes_may_be_lost_by_hand():
 
 
 def test_equal_runs_are_no_worse_once_so_many_successes_cannot_be_lost():
-    """A loss of a tenth of all runs is not seen in four pairs with a chance of two thirds, in twenty with one of an eighth."""
+    """A loss of a tenth of all runs is missed by four pairs with a chance of two thirds, by twenty with an eighth."""
     few = verdict([1.0] * 4)
     assert (few.word, few.change, few.pairs, few.exit_code) == ("needs more runs", 0.0, 4, 3)
     assert verdict([1.0] * few.needed).word == "no worse" != verdict([1.0] * (few.needed - 1)).word

@@ -14,6 +14,7 @@ from rhs.api.floorplan import Light
 from rhs.api.trajectory import Trajectory, write_tum
 from rhs.cli.bench import main
 from rhs.cli.main import main as rhs
+from rhs.metrics.accuracy import nees_of
 from rhs.sweeps import held_out, recorded, suite, suite_more
 from rhs.sweeps.suite_page import page, rank, scores
 from rhs.worlds.world import load_world
@@ -161,8 +162,8 @@ def test_stated_doubts_by_hand(sigma_m, nees, tmp_path):
     write_tum(tmp_path / "estimate.tum", Trajectory(stamps, said))
     (tmp_path / "steps.csv").write_text("phase,stamp_s,sigma_x_m,sigma_y_m\n" + "".join(
         f"survey,{stamp},{sigma_m},{sigma_m}\n" for stamp in stamps))
-    assert recorded.nees_of(tmp_path) == pytest.approx(nees)
-    assert np.isnan(recorded.nees_of(tmp_path / "nowhere"))
+    assert nees_of(tmp_path) == pytest.approx(nees)
+    assert np.isnan(nees_of(tmp_path / "nowhere"))
 
 
 def test_the_page_of_recordings():

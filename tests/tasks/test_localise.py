@@ -57,6 +57,14 @@ def test_a_wrong_start_that_is_never_looked_at_is_wrong_and_sure(surveyed, tmp_p
     assert row["localise_rmse_m"] == pytest.approx(1.0, abs=0.1)
 
 
+def test_a_start_that_is_known_is_the_true_pose_of_the_first_view(surveyed, tmp_path):
+    words = [f"map={surveyed}", "localiser=odometry_only", "start=known"]
+    row = localise(tmp_path / "loc", *words, f"source.truth={surveyed / 'corrected.tum'}")
+    assert row["found_m"] == 0.0 and row["localise_rmse_m"] < 0.01 and row["belief_wrong_sure_share"] == 0.0
+    untold = localise(tmp_path / "loc", *words)
+    assert untold["status"] == "failed" and "nobody knows the true pose of the first view" in untold["reason"]
+
+
 def test_restarts_and_kidnaps_are_starts_to_find_oneself_after(surveyed, tmp_path):
     truth = f"source.truth={surveyed / 'corrected.tum'}"
     row = localise(tmp_path / "loc", f"map={surveyed}", truth, "localiser=particle_filter_scan", "restart_every_m=2.5",

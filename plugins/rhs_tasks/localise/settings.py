@@ -20,9 +20,10 @@ class Localise(PartSettings):
     """where it is looked for: a ROS map (map.yaml), the folder of a run (its map, and its survey's views as places), or a
     floor plan (a world of worlds/, or its file); with a recording world= says the same"""
     start: Any = "unknown"
-    """where it begins: unknown (anywhere in the map), or [x_m, y_m, yaw_deg] in the frame of the map"""
+    """where it begins: unknown (anywhere in the map), [x_m, y_m, yaw_deg] in the frame of the map, or known: the true pose
+    of the first view, where the recording or the simulator has one"""
     start_sigma_m: float = within(0.1, 1e-3, 100.0)
-    """how well a start that was typed is known, metres (1 sigma)"""
+    """how well a start that is told is known, metres (1 sigma)"""
     start_sigma_deg: float = within(3.0, 0.01, 180.0)
     """and its heading, degrees (1 sigma)"""
     restart_every_m: float = within(0.0, 0.0, 1e6)
@@ -50,14 +51,14 @@ class Localise(PartSettings):
 
 
 def checked_start(start: Any) -> Any:
-    """`unknown`, or three finite numbers; anything else is refused."""
-    if start == "unknown":
+    """`unknown`, `known`, or three finite numbers; anything else is refused."""
+    if start in ("unknown", "known"):
         return start
     try:
         numbers = [float(value) for value in start] if not isinstance(start, str) else []
     except (TypeError, ValueError):
         numbers = []
     if len(numbers) != 3 or not all(map(isfinite, numbers)):
-        raise ConfigError(f"start={start}: expected unknown, or [x_m,y_m,yaw_deg], for example start=[1.0,2.0,90]; to be "
-                          "carried off on the way: kidnap_every_m=10")
+        raise ConfigError(f"start={start}: expected unknown, known, or [x_m,y_m,yaw_deg], for example start=[1.0,2.0,90]; "
+                          "to be carried off on the way: kidnap_every_m=10")
     return numbers

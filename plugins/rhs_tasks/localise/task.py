@@ -49,7 +49,7 @@ class LocaliseJob(StepJob):
             raise ConfigError(f"{self.parts.who['localiser']} recognises places, and map={settings.map} holds no pictures "
                               "of any; type map=RUN_FOLDER of a survey with recording=full, or "
                               "localiser=particle_filter_scan")
-        if not context.settings("localiser").needs and first_belief(settings) is None:
+        if not context.settings("localiser").needs and settings.start == "unknown":
             raise ConfigError(f"{self.parts.who['localiser']} looks at nothing (its needs are empty), so it cannot find "
                               "itself from start=unknown; type localiser=particle_filter_scan, or start=[x_m,y_m,yaw_deg]")
         self.scans: list[Scan | None] = []  # as measured, and the travel (3,) of the wheels since the view before
@@ -90,8 +90,9 @@ class LocaliseJob(StepJob):
             way_m += float(np.hypot(*step.motion.previous_from_body[:2, 3]))
             begin = begin or 0.0 < self.settings.restart_every_m <= way_m
             events = [Event.STARTED] if begin else []
+            truth = None if step.truth is None else self.given.in_map(step.truth)
             if begin:
-                self.parts.localiser.start(first_belief(self.settings))
+                self.parts.localiser.start(first_belief(self.settings, truth))
                 begin, way_m = False, 0.0
             if isinstance(self.source, CarriedOff) and self.source.fresh:
                 events.append(Event.KIDNAPPED)
@@ -106,7 +107,6 @@ class LocaliseJob(StepJob):
             self.motions.append(step.motion.previous_from_body)
             self.follows.append(sure and before and not events and step.motion.status is Tracking.OK)
             spent = {**step.timings_ms, "localise": 1e3 * (time.perf_counter() - clock)}
-            truth = None if step.truth is None else self.given.in_map(step.truth)
             yield replace(step, phase=PHASE, belief=belief, truth=truth, events=tuple(events), timings_ms=spent)
 
     def write_note(self, figures: Mapping[str, float] | None = None) -> None:
@@ -118,13 +118,21 @@ class LocaliseJob(StepJob):
             file.write(json.dumps({"map": self.settings.map, "map_misfit_m": misfit_m, **self.figures}, indent=1) + "\n")
 
 
-def first_belief(settings: Localise) -> Belief | None:
-    """What the localiser is told at the start: a pose, or None, nothing."""
+def first_belief(settings: Localise, truth: np.ndarray | None) -> Belief | None:
+    """What the localiser is told at the start: a pose, or None, nothing. truth: map_from_body (4, 4) of the view. Raises
+    RhsError where that is asked for and not known."""
     if settings.start == "unknown":
         return None
-    x_m, y_m, yaw_deg = settings.start
+    if settings.start == "known":
+        if truth is None:
+            raise RhsError("start=known: nobody knows the true pose of the first view; type start=[x_m,y_m,yaw_deg], "
+                           "start=unknown, or source.truth=FILE.tum")
+        pose = np.array(truth)
+    else:
+        x_m, y_m, yaw_deg = settings.start
+        pose = se2(x_m, y_m, float(np.radians(yaw_deg)))
     sigma = np.array([settings.start_sigma_m] * 2 + [1e-3] * 3 + [np.radians(settings.start_sigma_deg)])
-    return Belief(se2(x_m, y_m, float(np.radians(yaw_deg))), np.diag(sigma**2))
+    return Belief(pose, np.diag(sigma**2))
 
 
 class CarriedOff:
