@@ -40,8 +40,9 @@ More help
 Options
   -m, --multirun      run every combination of the given values, each in its own process
   --jobs N            parallel processes of a sweep (default: one per core); on another engine, its workers
-  --timeout SECONDS   stop a job of a sweep after this time and count it as a failure (3600; 0: no limit)
-  --memory-mb N       kill a job of a sweep above this memory and count it as a failure (4096, or its share of the machine)
+  --timeout SECONDS   stop a run after this time and count it as a failure (a job of a sweep: 3600; one run, or 0: no limit)
+  --memory-mb N       stop a run above this memory and count it as a failure (a job of a sweep: 4096, or its share of the
+                      machine; one run: no limit)
   --retries N         how often a job is tried again that was killed by something else than these limits (1)
   --fail-fast N       stop a sweep after N jobs that failed alike (never)
   --resume [FOLDER]   continue a sweep: run only the jobs that have not ended well

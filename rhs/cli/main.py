@@ -35,6 +35,7 @@ from .streams import tell_errors_beside, warnings_in_lines
 
 COLLECT_AFTER = 20_000  # new objects: what is loaded at the start is no garbage, and a run makes little
 USAGE = "python -m rhs [options] key=value ..."
+OF_ONE_RUN = ("timeout", "memory_mb")  # the others are for the jobs of a sweep
 LIMITS = {"jobs": JOBS, "timeout": TIMEOUT, "fail_fast": Number(0, low=0, high=1_000_000),
           "memory_mb": Number(0.0, low=0.0, high=1e7, unit="MB"), "retries": Number(1, low=0, high=100)}
 
@@ -130,6 +131,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--config-dir", action="append", default=[])
     add(parser, {"version": False, "cfg": False, "force": False, "debug": False, **LIMITS})
     parser.add_argument("overrides", nargs="*")
+    parser.set_defaults(**dict.fromkeys(LIMITS))  # None: not typed
     return parser
 
 
@@ -163,10 +165,17 @@ def _run(arguments: argparse.Namespace) -> int:
 
         print(yaml.safe_dump(to_plain(config), sort_keys=False), end="")
         return 0
-    return one_run(config, arguments.debug)
+    typed = {name: getattr(arguments, name) for name in LIMITS if getattr(arguments, name) is not None}
+    if stray := [name for name in typed if name not in OF_ONE_RUN]:
+        raise ConfigError(f"--{stray[0].replace('_', '-')} is for the jobs of a sweep; add -m, or leave it out")
+    check(arguments, {name: LIMITS[name] for name in typed})
+    return one_run(config, arguments.debug, typed.get("timeout", 0.0), typed.get("memory_mb", 0.0))
 
 
 def _sweep(arguments: argparse.Namespace, folders: tuple[Path, ...]) -> int:
+    for name, number in LIMITS.items():
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, number.default)
     from rhs.config.loose import match
     from rhs.config.overrides import quoted
     from rhs.runfolder.folders import claim_sweep

@@ -147,8 +147,8 @@ STATUSES = {
     "failed": "something raised an error; `reason` says what",
     "refused": "not usable, said before anything ran",
     "interrupted": "ended by Ctrl-C or a signal; what was finished is kept",
-    "timeout": "a job of a sweep took longer than --timeout",
-    "killed": "the process was killed",
+    "timeout": "it took longer than --timeout",
+    "killed": "the process was killed, or took more memory than --memory-mb",
 }
 ENUMERATIONS: dict[str, type[StrEnum]] = {
     "Events (steps.csv, event)": records.Event,
