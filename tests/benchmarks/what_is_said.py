@@ -1,6 +1,7 @@
 """How often what the gate and a break point say is true, of changes and curves that are known.
 
     python tests/benchmarks/what_is_said.py gate 1000       # of so many gates of 20 pairs each
+    python tests/benchmarks/what_is_said.py lost 1000       # of so many in which successes are lost, nothing else
     python tests/benchmarks/what_is_said.py break 50        # of so many searches of 40 runs each
 """
 
@@ -16,10 +17,11 @@ from rhs.reports.gate import error_parts, judge, looks
 PAIRS, RUNS = 20, 40
 
 
-def gated(rng: np.random.Generator, loss: float, spread: float, old: float, new: float) -> str:
-    """The word of a gate. spread: of the logarithm of the measure, over pairs; old, new: chances that a run succeeds."""
+def gated(rng: np.random.Generator, loss: float, spread: float, old: float, new: float, *, together: bool = False) -> str:
+    """The word of a gate. spread: of the logarithm of the measure, over pairs; old, new: chances that a run succeeds.
+    together: the new run succeeds only where the old one does."""
     ratio = (1.0 + loss) * np.exp(spread * rng.standard_normal(PAIRS))
-    done = rng.random((2, PAIRS)) < np.array([[old], [new]])
+    done = rng.random((1 if together else 2, PAIRS)) < np.array([[old], [new]])
     before, after = np.where(done, [np.ones(PAIRS), ratio], math.nan)
     for count, level in zip(looks(PAIRS), error_parts(looks(PAIRS)), strict=True):
         won = list(zip(*done[:, :count], strict=True))
@@ -57,6 +59,8 @@ def said(found: Threshold) -> str:
 GATES = [(0.0, 0.03, 1, 1), (0.0, 0.1, 1, 1), (0.01, 0.01, 1, 1), (0.01, 0.03, 1, 1), (0.01, 0.1, 1, 1), (0.02, 0.03, 1, 1),
          (0.1, 0.03, 1, 1), (0.1, 0.1, 1, 1), (-0.1, 0.1, 1, 1), (0.0, 0.1, 0.8, 0.8), (0.0, 0.1, 0.5, 0.5),
          (0.0, 0.003, 1, 0.9), (0.0, 0.003, 0.9, 0.5)]
+LOST = [(old, lost, together) for together in (False, True) for old in (0.1, 0.3, 0.5, 0.7, 0.9)
+        for lost in (0.0, 0.02, 0.05, 0.1, 0.2) if lost < old]
 CURVES = {"threshold 0.5, slope 0.005": (curve(0.5, 0.005), 0.5), "0.5, 0.03": (curve(0.5, 0.03), 0.5),
           "0.3, 0.1, lapses 0.1": (curve(0.3, 0.1, 0.1), 0.3), "0.5, 0.15": (curve(0.5, 0.15), 0.5),
           "0.5, 0.25": (curve(0.5, 0.25), 0.5), "0.97, 0.03": (curve(0.97, 0.03), 0.97),
@@ -74,6 +78,10 @@ def main(what: str, count: int) -> None:
         rng = np.random.default_rng(1)
         words = Counter(gated(rng, *case) for _ in range(count))
         print("loss {}, spread {}, success {} -> {}:".format(*case), dict(sorted(words.items())), flush=True)
+    for old, lost, together in LOST if what == "lost" else ():
+        rng = np.random.default_rng(1)
+        words = Counter(gated(rng, 0.0, 0.003, old, old - lost, together=together) for _ in range(count))
+        print(f"success {old}, lost {lost}, {'together' if together else 'apart'}:", dict(sorted(words.items())), flush=True)
     for name, (chance, truth) in CURVES.items() if what == "break" else ():
         rng = np.random.default_rng(1)
         found = [searched(rng, chance) for _ in range(count)]
