@@ -36,7 +36,7 @@ class Search:
     known: Posterior = field(default_factory=Posterior)
     tried: list[tuple[float, bool]] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
-    refused: list[str] = field(default_factory=list)
+    refused: list[tuple[float, str]] = field(default_factory=list)  # level and why
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def learn(search: Search, level: float, row: Mapping[str, Any], where: str) -> N
     if success != 1.0:
         search.reasons.append(str(row.get("failure") or row.get("reason") or ""))
     if row["status"] == "refused":
-        search.refused.append(str(row.get("reason") or ""))
+        search.refused.append((level, str(row.get("reason") or "")))
 
 
 def account(search: Search, dial: Dial) -> dict[str, Any]:
@@ -161,10 +161,23 @@ def account(search: Search, dial: Dial) -> dict[str, Any]:
     known = search.known.summary()
     why = "" if any(succeeded for _, succeeded in search.tried) else Counter(search.reasons).most_common(1)[0][0]
     if search.refused and not why:
-        why = f"{len(search.refused)} of {len(search.tried)} were refused, not driven: {search.refused[0]}"
+        why = f"{len(search.refused)} of {len(search.tried)} were refused, not driven{_from(search, dial)}: " \
+              f"{search.refused[0][1]}"
     return {"combination": search.name, "dial": dial.key, **_in_units(known, dial, why), "withstood": withstood(known),
             "tried": [[dial.value(level), succeeded] for level, succeeded in search.tried],
             "levels": [[level, succeeded] for level, succeeded in search.tried]}
+
+
+def _from(search: Search, dial: Dial) -> str:
+    """From which value on every run was refused, and how many of those short of it succeeded: there the dial ends, whatever
+    the parts can do. Empty where refused and driven runs lie among one another."""
+    low, high = (end(level for level, _ in search.refused) for end in (min, max))
+    for beyond, edge, word in ((lambda level: level >= low, low, "more"), (lambda level: level <= high, high, "less")):
+        short = [succeeded for level, succeeded in search.tried if not beyond(level)]
+        if short and len(search.tried) - len(short) == len(search.refused):
+            return (f", all at {dial.text(edge)} and {word}, where the dial ends, {sum(short)} of {len(short)} "
+                    "others succeeded")
+    return ""
 
 
 def withstood(known: Threshold) -> float:

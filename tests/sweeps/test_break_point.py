@@ -97,4 +97,8 @@ def test_runs_that_were_refused_are_told_apart_from_those_that_failed():
     refused = {"status": "refused", "success": 0.0, "reason": "moved_count=2: square_small has none"}
     for level, row in ((0.0, {"status": "ok", "success": 1.0}), (0.5, refused), (1.0, refused)):
         learn(search, level, row, "here")
-    assert account(search, dial)["says"].endswith(": 2 of 3 were refused, not driven: moved_count=2: square_small has none")
+    assert account(search, dial)["says"].endswith(": 2 of 3 were refused, not driven, all at 2 and more, where "
+                                                  "the dial ends, 1 of 1 others succeeded: moved_count=2: square_small "
+                                                  "has none")
+    learn(search, 0.75, {"status": "ok", "success": 1.0}, "")  # one that was driven among them
+    assert "not driven: moved_count" in account(search, dial)["says"]
