@@ -36,6 +36,7 @@ FOLDER, MOST_MB = "RHS_CACHE", "RHS_CACHE_MB"  # variables of the environment: w
 DEFAULT_MB = 2000.0
 ENDING = ".survey"
 DIGEST_BYTES = 32
+PACKING = 1  # a third of the size, for a third of the time that pickling takes besides
 
 
 def cache_folder() -> Path:
@@ -76,6 +77,8 @@ def key_of(config: RunConfig) -> str | None:
 
 def load(key: str) -> SharedSurvey | None:
     """The survey of this name, as it was led; None where it is not kept or cannot be read."""
+    import zstandard
+
     path = cache_folder() / (key + ENDING)
     try:
         for one in (path.parent, path):
@@ -83,7 +86,8 @@ def load(key: str) -> SharedSurvey | None:
         content = path.read_bytes()
         if _digest(memoryview(content)[DIGEST_BYTES:]) != content[:DIGEST_BYTES]:
             raise ValueError("the file was cut or changed")
-        shared: SharedSurvey = pickle.loads(memoryview(content)[DIGEST_BYTES:])  # noqa: S301 (see check_own)
+        plain = zstandard.ZstdDecompressor().decompress(memoryview(content)[DIGEST_BYTES:])
+        shared: SharedSurvey = pickle.loads(plain)  # noqa: S301 (see check_own)
         os.utime(path)
     except FileNotFoundError:
         return None
@@ -104,11 +108,13 @@ def check_own(path: Path) -> None:
 
 def keep(key: str, shared: SharedSurvey) -> None:
     """Keep a survey, and make room for it. Does nothing where a part cannot be pickled or nothing may be written."""
+    import zstandard
+
     folder = cache_folder()
     if shared.drawn:
         return
     try:
-        content = pickle.dumps(shared, pickle.HIGHEST_PROTOCOL)
+        content = zstandard.ZstdCompressor(level=PACKING).compress(pickle.dumps(shared, pickle.HIGHEST_PROTOCOL))
     except Exception as error:  # parts may hold what belongs to this process
         logger.info("the survey is not kept for other sweeps: %s", error)
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -74,10 +75,11 @@ def test_a_file_that_was_changed_is_led_anew_and_replaced(first, tmp_path):
     assert hashes(tmp_path / "s") == hashes(first / "a") and (cache / kept.name).read_bytes()[-1:] != b"!"
 
 
-def test_nothing_is_read_that_others_may_write_to(first, monkeypatch, caplog):
+def test_nothing_is_read_that_others_may_write_to(first, tmp_path, monkeypatch, caplog):
     """A pickle is code."""
-    monkeypatch.setenv("RHS_CACHE", str(first / "cache"))
-    kept = next((first / "cache" / "surveys").iterdir())
+    shutil.copytree(first / "cache", tmp_path / "cache")
+    monkeypatch.setenv("RHS_CACHE", str(tmp_path / "cache"))
+    kept = next((tmp_path / "cache" / "surveys").iterdir())
     with installed(FAKES):
         assert survey_cache.load(kept.stem) is not None
         kept.chmod(0o666)
@@ -141,12 +143,13 @@ def test_of_a_full_folder_those_go_first_that_were_used_longest_ago(tmp_path, mo
     assert [path.name for path in folder.iterdir()] == ["a.survey"]
 
 
-def test_the_command_says_what_is_kept_and_clears_it(first, monkeypatch, capsys):
-    monkeypatch.setenv("RHS_CACHE", str(first / "cache"))
+def test_the_command_says_what_is_kept_and_clears_it(first, tmp_path, monkeypatch, capsys):
+    shutil.copytree(first / "cache", tmp_path / "cache")
+    monkeypatch.setenv("RHS_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("RHS_CACHE_MB", "50")
     assert command(["cache"])() == 0  # type: ignore[misc]
     count = survey_cache.kept().count
-    assert count >= 1 and f"{count} surveys, 0 of 50 MB, in {first / 'cache' / 'surveys'}" in capsys.readouterr().out
+    assert count >= 1 and f"{count} surveys, 0 of 50 MB, in {tmp_path / 'cache' / 'surveys'}" in capsys.readouterr().out
     assert command(["cache", "clear"])() == 0  # type: ignore[misc]
     assert f"{count} surveys deleted" in capsys.readouterr().out and survey_cache.kept().count == 0
 
