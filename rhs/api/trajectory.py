@@ -10,6 +10,8 @@ import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +24,14 @@ from .geometry import align, inverse, se3
 from .pose_exports import advice_for, exported
 
 log = logging.getLogger("rhs.trajectory")
-_STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
+_STAMP = re.compile(r"(t|time|time_?stamp|date_?time|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
 _NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality|(roll|pitch|yaw)(_deg)?$")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
 _EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
 _ANGLE = re.compile(r"(?:.*[._ ])?(roll|pitch|yaw|theta|heading|th)[_ ]?(rad|radians|deg|degrees)?")
 _NCLT_ROW = re.compile(r"\d{16}(,\s*[^,\s]+){6}$")  # microseconds, x y z, roll pitch heading
 _ECHO_ROW = re.compile(r"\d{1,10},\d{1,9},[a-zA-Z_/][^,]*,([a-zA-Z_/][^,]*,)?[-\d]")  # ros2 topic echo --csv: s, ns, frames
+_DATE = re.compile(r"\b(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.](\d+)|,(\d+)(?=;))?(Z\b|[-+]\d\d:?\d\d\b)?")
 _LOST_ROW = re.compile(r"[-+.\deE]+(?:[,;\s]+[-+]?nan){7,}[,;\s]*|[-+.\deE]+[,;]{7,}\s*", re.I)  # a stamp, and nothing more
 _DIGITS = {13: 3, 16: 6, 18: 7, 19: 9}  # of a time in ms, us, Windows' 100 ns and ns; so many of them are behind the point
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
@@ -116,11 +119,14 @@ def in_tum_order(text: str, where: str = "line") -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
     (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, `time,x,y,yaw`, `t,x,y,z,roll,pitch,yaw`,
     commented or not), or EuRoC's, which begins with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2
-    topic echo --csv`, without one, line by line; or an export of another program (pose_exports). Another text as it is.
-    where: its file. Raises RecordingError of angles whose unit nobody says."""
+    topic echo --csv`, without one, line by line; or an export of another program (pose_exports). Times of ISO 8601 become
+    Unix seconds. Another text as it is. where: its file. Raises RecordingError of angles whose unit nobody says."""
     if (other := exported(text, where)) is not None:
         return other
     lines = text.splitlines()
+    if any(_DATE.search(line.split("#", 1)[0]) for line in lines):
+        lines = [_DATE.sub(partial(_unix, where=where), line) for line in lines]
+        text = "\n".join(lines)
     for k, line in enumerate(lines):
         order = _columns(line)
         if order:
@@ -139,6 +145,15 @@ def in_tum_order(text: str, where: str = "line") -> str:
                 plain = [0, *range(begin, begin + 7), 1]
             return "\n".join(_ordered(row, plain, nano=False) for row in lines) if plain else text
     return text
+
+
+def _unix(date: re.Match[str], where: str) -> str:
+    """Unix seconds of a time of ISO 8601; one that names no zone is taken for UTC. Raises RecordingError."""
+    try:
+        whole = datetime.fromisoformat(f"{date[1]}T{date[2]}{date[5] or '+00:00'}")
+    except ValueError as error:
+        raise RecordingError(f"{where}: found the time {date[0]!r} ({error}); expected one of ISO 8601") from None
+    return f"{int(whole.timestamp())}.{date[3] or date[4] or 0}"
 
 
 def _columns(header: str) -> list[int]:

@@ -22,6 +22,7 @@ from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .near_walls import keep_near_walls
 from .other_maps import advice_for
+from .rmf import level_in
 from .robot import shape_of
 from .scene_files import SCENES
 from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose
@@ -63,6 +64,8 @@ def read_building(path: Path, file: Section) -> Building:
             raise ConfigError(f"{path}: {advice}")
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
+    if not drawn and (level := level_in(path)) is not None:
+        return building_of(level, radius_m, start_m, path)
     map_from_image = _map_from_image(path)
     if start_m is not None:
         start_m = (np.linalg.inv(map_from_image) @ (*start_m, 1.0))[:2]

@@ -93,6 +93,25 @@ def test_record3d_names_its_camera_and_its_depth_is_said_to_be_left_out(tmp_path
     assert "no depth is read from depth; expected numbered .png" in caplog.text and "others as .npy (metres)" in caplog.text
 
 
+@pytest.mark.parametrize("order", ["<f4", ">f4"])
+def test_depth_in_pfm_is_metres_from_the_lowest_row_up_and_infinite_is_unknown(tmp_path, order):
+    """Debevec's format: a scale below zero says that the low byte comes first."""
+    depth = np.linspace(1.0, 3.0, 48 * 64, dtype=np.float32).reshape(48, 64)
+    depth[5, 7] = np.inf
+    (tmp_path / "depth").mkdir()
+    for k in range(2):
+        put(tmp_path / f"rgb/{k}.png", picture(k))
+        head = f"Pf\n64 48\n{-1.0 if order == '<f4' else 1.0}\n".encode()
+        (tmp_path / f"depth/{k}.pfm").write_bytes(head + depth[::-1].astype(order).tobytes())
+    seen = [capture.depth for capture, _ in views(tmp_path, camera=CAMERA)[1]]
+    np.testing.assert_array_equal(seen, [np.where(np.isfinite(depth), depth, np.nan)] * 2)
+    (tmp_path / "depth/0.pfm").write_bytes(b"Pf\n64 48\n-1.0\n")
+    (tmp_path / "depth/1.pfm").write_bytes(b"Pf\n64000 48000\n-1.0\n")
+    assert "0.pfm: found 14 bytes that are no image" in refused(tmp_path, camera=CAMERA)
+    (tmp_path / "depth/0.pfm").write_bytes(b"Pf\n64000 48000\n-1.0\n")
+    assert "64000 x 48000 pixels" in refused(tmp_path, camera=CAMERA)
+
+
 def test_other_metadata_is_no_camera(tmp_path):
     (tmp_path / "metadata.json").write_text('{"author": "me"}')
     put(tmp_path / "rgb/1.png", picture())
