@@ -22,7 +22,7 @@ from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .near_walls import keep_near_walls
 from .other_maps import advice_for
-from .rmf import level_in
+from .others.rmf import level_in
 from .robot import shape_of
 from .scene_files import SCENES
 from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose

@@ -26,7 +26,7 @@ ADVICE = {
     **dict.fromkeys((".xml", ".mjcf"), f"a model of MuJoCo? {_MESH}, or its floor plan as a map"),
     ".navmesh": "where agents of Habitat may walk: name the scene's .glb beside it",
     ".house": "what rooms a scene of Matterport has: name its mesh beside it (.ply, .glb, .obj)",
-    ".wbt": f"a world of Webots: {_MESH}, or write it as .sdf", ".zip": "an archive: unpack it first",
+    ".zip": "an archive: unpack it first",
     ".json": f"a plan in numbers: draw it, {_PLAN}", ".ttt": f"a scene of CoppeliaSim: {_MESH}",
     ".mtl": "colours of a mesh: name its .obj", ".proto": f"a part of Webots: {_MESH}",
     **dict.fromkeys((".erb", ".em", ".jinja"), "a recipe of a file: expand it first: erb {file} > NAME.world"),

@@ -15,8 +15,8 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
-from .house_expo import inside
-from .maps import MOST_CELLS, read_yaml
+from ..house_expo import inside
+from ..maps import MOST_CELLS, read_yaml
 
 CELL_M = 0.05
 WALL_M = 0.1
