@@ -123,10 +123,8 @@ def in_tum_order(text: str, where: str = "line") -> str:
     Unix seconds. Another text as it is. where: its file. Raises RecordingError of angles whose unit nobody says."""
     if (other := exported(text, where)) is not None:
         return other
+    text = in_unix_time(text, where)
     lines = text.splitlines()
-    if any(_DATE.search(line.split("#", 1)[0]) for line in lines):
-        lines = [_DATE.sub(partial(_unix, where=where), line) for line in lines]
-        text = "\n".join(lines)
     for k, line in enumerate(lines):
         order = _columns(line)
         if order:
@@ -145,6 +143,13 @@ def in_tum_order(text: str, where: str = "line") -> str:
                 plain = [0, *range(begin, begin + 7), 1]
             return "\n".join(_ordered(row, plain, nano=False) for row in lines) if plain else text
     return text
+
+
+def in_unix_time(text: str, where: str = "line") -> str:
+    """A text with its times of ISO 8601 as Unix seconds; itself where it has none but in comments. Raises RecordingError."""
+    if not any(_DATE.search(line.split("#", 1)[0]) for line in text.splitlines()):
+        return text
+    return _DATE.sub(partial(_unix, where=where), text)
 
 
 def _unix(date: re.Match[str], where: str) -> str:
