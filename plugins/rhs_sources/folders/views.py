@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import calendar
 import re
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -102,8 +103,8 @@ def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
 def _unix(dates: Iterable[re.Match[str]]) -> list[str]:
     """Unix seconds of dates and times of day in UTC; none at all where one is no day of the calendar."""
     with suppress(ValueError):
-        return [f"{int(datetime(*map(int, date.groups()[:6]), tzinfo=UTC).timestamp())}.{date[7] or date[8] or 0}"
-                for date in dates]
+        return [f"{calendar.timegm(time.strptime(' '.join(date.groups()[:6]), '%Y %m %d %H %M %S'))}."
+                f"{date[7] or date[8] or 0}" for date in dates]
     return []
 
 
