@@ -22,7 +22,6 @@ from rhs.base.errors import ConfigError
 
 from .gazebo import as_saved, downloaded, fetched, installed, is_robot, person_of
 from .mesh_files import Y_UP, MeshFile, check_readable, check_xml, read_mesh
-from .other_maps import stage_advice
 from .others.webots import read_webots
 from .sdf_poses import DEEPEST, HOW_XACRO, frame_in, numbers_in, placed_at, pose_of, poses_in, values_of
 from .soup import Part, box, cylinder, part, sphere
@@ -87,8 +86,6 @@ def _xml(path: Path) -> Element:
     try:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        if advice := stage_advice(path):
-            raise ConfigError(f"{path}: {advice}") from None
         raise ConfigError(f"{path}: this XML cannot be read ({' '.join(str(error).split())[:120]})") from error
 
 
@@ -343,7 +340,7 @@ def _found(uri: str, folder: Path) -> Path | None:
     places = [folder / name]
     if scheme in ("model://", "package://"):
         for above in [folder, *folder.parents][:ABOVE]:
-            places += [above / name, above / "models" / name]
+            places += [above / name, above / "models" / name, above / "meshes" / name]
             if above.name == name.split("/")[0]:
                 places.append(above.parent / name)
         places += [*installed(name), *versions]

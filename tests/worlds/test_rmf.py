@@ -64,3 +64,8 @@ def test_what_cannot_be_read_is_refused_in_one_line(tmp_path, change, said):
     with pytest.raises(ConfigError, match=said) as caught:
         load_world(building(tmp_path / "a.building.yaml", **change))
     assert "\n" not in str(caught.value)
+
+
+def test_a_level_without_room_is_refused_in_words_of_its_own(tmp_path):
+    with pytest.raises(ConfigError, match="no room for a robot of radius 0.2 m"):
+        load_world(building(tmp_path / "a.building.yaml", level={"measurements": [[0, 1, {"distance": [3, 0.8]}]]}))
