@@ -34,6 +34,7 @@ _ECHO_ROW = re.compile(r"\d{1,10},\d{1,9},[a-zA-Z_/][^,]*,([a-zA-Z_/][^,]*,)?[-\
 _DATE = re.compile(r"\b(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.](\d+)|,(\d+)(?=;))?(Z\b|[-+]\d\d:?\d\d\b)?")
 _LOST_ROW = re.compile(r"[-+.\deE]+(?:[,;\s]+[-+]?nan){7,}[,;\s]*|[-+.\deE]+[,;]{7,}\s*", re.I)  # a stamp, and nothing more
 _DIGITS = {13: 3, 16: 6, 18: 7, 19: 9}  # of a time in ms, us, Windows' 100 ns and ns; so many of them are behind the point
+_SAID_UNITS = {r"ns\b|nano|nsec": 9, r"us\b|micro|usec": 6, r"ms\b|milli|msec": 3}  # in the name of a column of stamps
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
 _NED = {"northing": "x", "easting": "y", "down": "z"}  # of Oxford RobotCar's ins.csv and rtk.csv
 MOST_HEADING = 6.3  # that is taken for radians where nobody says
@@ -128,11 +129,12 @@ def in_tum_order(text: str, where: str = "line") -> str:
     for k, line in enumerate(lines):
         order = _columns(line)
         if order:
-            nano = re.search(r"stamp[^,;]*\[ns\]|_ns\b|nsec|nanosec", line) is not None
-            return "\n".join([*[""] * (k + 1), *(_ordered(row, order, nano=nano) for row in lines[k + 1 :])])
+            digits = _said_behind(line, order[0])
+            return "\n".join([*[""] * (k + 1), *(_ordered(row, order, digits) for row in lines[k + 1 :])])
         if angled := _angled_columns(line):
             below = enumerate(lines[k + 1 :], start=k + 2)
-            turned = (_of_named_angles(row, f"{where}:{number}", *angled) for number, row in below)
+            digits = _said_behind(line, angled[0][0])
+            turned = (_of_named_angles(row, f"{where}:{number}", *angled, digits) for number, row in below)
             return "\n".join([*[""] * (k + 1), *turned])
         if words := line.split("#", 1)[0].strip():
             if _NCLT_ROW.match(words):
@@ -141,7 +143,7 @@ def in_tum_order(text: str, where: str = "line") -> str:
             if echoed := _ECHO_ROW.match(words):
                 begin = 4 if echoed[1] else 3
                 plain = [0, *range(begin, begin + 7), 1]
-            return "\n".join(_ordered(row, plain, nano=False) for row in lines) if plain else text
+            return "\n".join(_ordered(row, plain) for row in lines) if plain else text
     return text
 
 
@@ -199,7 +201,7 @@ def _angled_columns(header: str) -> tuple[list[int], float] | None:
     return ([ks[0] for ks in wanted], radians) if all(len(ks) == 1 for ks in wanted) else None
 
 
-def _of_named_angles(row: str, where: str, order: list[int], radians: float) -> str:
+def _of_named_angles(row: str, where: str, order: list[int], radians: float, said: int) -> str:
     """A row with angles (about fixed axes, roll first, as in ROS; on the floor heading alone) with a quaternion; as it is
     where it is none. Raises RecordingError where the angles may be of either unit."""
     words = _cells(row)
@@ -212,7 +214,7 @@ def _of_named_angles(row: str, where: str, order: list[int], radians: float) -> 
         angle = max(rest[-3:], key=lambda word: abs(float(word)))
         raise RecordingError(f"{where}: the heading {angle} is more than a turn of radians; expected a header that says "
                              "yaw_deg or yaw_rad")
-    return f"{stamp} {x} {y} {z:.9g} {_turned(np.array(angles) * (radians or 1.0))}"
+    return f"{_in_seconds(stamp, said)} {x} {y} {z:.9g} {_turned(np.array(angles) * (radians or 1.0))}"
 
 
 def _turned(angles: np.ndarray) -> str:
@@ -228,17 +230,31 @@ def _cells(row: str) -> list[str]:
     return plain.replace(",", "." if ";" in plain else " ").replace(";", " ").split()
 
 
-def _ordered(row: str, order: list[int], *, nano: bool) -> str:
+def _said_behind(header: str, column: int) -> int:
+    """How many digits of a stamp are behind its point, by the unit in the name of its column; 0 where it names none."""
+    separator = ";" if ";" in header else "," if "," in header else None
+    name = header.lstrip("#%\ufeff ").split(separator)[column].lower()
+    return next((digits for unit, digits in _SAID_UNITS.items() if re.search(unit, name)), 0)
+
+
+def _ordered(row: str, order: list[int], said: int = 0) -> str:
     words = _cells(row)
     if len(words) <= max(order):
         return row
     words = [words[k] for k in order]
     if len(words) > len(_TUM):
         return f"{words[0]}.{words[-1].zfill(9)} {' '.join(words[1:-1])}"
-    behind = 9 if nano else _DIGITS.get(len(words[0]), 0)
-    if behind and words[0].isdigit():
-        words[0] = f"{words[0].zfill(behind + 1)[:-behind]}.{words[0].zfill(behind + 1)[-behind:]}"
-    return " ".join(words)
+    return " ".join([_in_seconds(words[0], said), *words[1:]])
+
+
+def _in_seconds(stamp: str, said: int) -> str:
+    """A stamp with its point where its column's unit, or the digits of a whole Unix time, put it."""
+    whole, _, rest = stamp.partition(".")
+    behind = (said if len(whole) != 10 else 0) if rest else said or _DIGITS.get(len(whole), 0)  # ten: Unix seconds
+    if not behind or not (whole + rest).isdigit():
+        return stamp
+    whole = whole.zfill(behind + 1)
+    return f"{whole[:-behind]}.{whole[-behind:]}{rest}"
 
 
 def _of_angles(row: str) -> str:

@@ -106,6 +106,18 @@ def test_times_of_iso_8601_are_unix_seconds_in_utc_where_no_zone_is_named(tmp_pa
     np.testing.assert_allclose(way.poses[0, :2, :2], [[0.28, -0.96], [0.96, 0.28]], atol=1e-12)
 
 
+@pytest.mark.parametrize(("name", "stamp", "seconds"), [
+    ("time_ms", "1500", 1.5), ("t [ms]", "1500.25", 1.50025), ("timestamp_us", "1500", 0.0015), ("time [s]", "1500", 1500.0),
+    ("#timestamp [ns]", "1500", 1.5e-6), ("#timestamp [ns]", "1600000000.5", 1600000000.5), ("time", "1500", 1500.0),
+])
+def test_the_name_of_a_column_says_the_unit_of_its_stamps(tmp_path, name, stamp, seconds):
+    """Times since a program's start were seconds: a thousand times too long. Under EuRoC's header some write seconds."""
+    (tmp_path / "way.csv").write_text(f"{name},x,y,z,qx,qy,qz,qw\n{stamp},1,2,3,0,0,0,1\n", "utf-8")
+    assert read_tum(tmp_path / "way.csv").stamps_s.tolist() == [seconds]
+    (tmp_path / "way.csv").write_text(f"{name},x,y,yaw_rad\n{stamp},1,2,0.1\n", "utf-8")
+    assert read_tum(tmp_path / "way.csv").stamps_s.tolist() == [seconds]
+
+
 def test_a_time_that_never_was_is_refused(tmp_path):
     (tmp_path / "way.csv").write_text("2020-13-01T12:00:00 1 2 3 0 0 0 1\n", "utf-8")
     with pytest.raises(RecordingError, match="'2020-13-01T12:00:00'.*expected one of ISO 8601"):
