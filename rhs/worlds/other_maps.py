@@ -17,7 +17,7 @@ ADVICE = {
     ".pcd": POINTS,
     ".ifc": "a building model: IfcConvert {file} NAME.obj (IfcOpenShell), then world=NAME.obj",
     **dict.fromkeys((".las", ".laz", ".e57", ".xyz", ".pts", ".splat"), POINTS),
-    **dict.fromkeys((".dxf", ".dwg", ".svg", ".pdf", ".geojson", ".osm"), f"a drawing: {_PLAN}"),
+    **dict.fromkeys((".dxf", ".dwg", ".svg", ".pdf", ".geojson", ".gml", ".osm"), f"a drawing: {_PLAN}"),
     **dict.fromkeys((".blend", ".fbx", ".skp", ".usd", ".usdz", ".3ds", ".3mf", ".x3d"), f"a model: {_MESH}"),
     **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".fcstd", ".rvt", ".usdc"), f"a model: {_MESH}"),
     **dict.fromkeys((".xml", ".mjcf"), f"a model of MuJoCo? {_MESH}, or its floor plan as a map"),
