@@ -67,8 +67,8 @@ def without_mosaic(image: np.ndarray) -> np.ndarray:
 
 
 def read_depth(path: Path, *, scale: float, max_depth_m: float, typed: bool = False, packed: bool = False) -> np.ndarray:
-    """(H, W) float32 metres, NaN unknown, of a 16-bit or float depth image, or an array of NumPy (.npy). typed: the user's
-    scale; else one of floats is 1, they are metres. packed: four channels of 8 bits are the bytes of a float."""
+    """(H, W) float32 metres, NaN unknown, of a 16-bit or float depth image (.pfm too), or an array of NumPy (.npy). typed:
+    the user's scale; else one of floats is 1, they are metres. packed: four channels of 8 bits are the bytes of a float."""
     import cv2
 
     _check_file(path, "a 16-bit depth image")

@@ -12,7 +12,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, rotation_of_quaternion, se3, transform
 from rhs.api.settings import near_file
-from rhs.api.trajectory import check_unit, in_tum_order, seconds_in
+from rhs.api.trajectory import check_unit, in_tum_order, in_unix_time, seconds_in
 
 UNITS_S = {10: 1.0, 13: 1e-3, 16: 1e-6, 18: 1e-7, 19: 1e-9}  # digits of a time of these years in s, ms, us, 100 ns, ns
 CLOUD_TIME = "cloud_time_s"
@@ -97,7 +97,7 @@ def associate(a_s: np.ndarray, b_s: np.ndarray, max_difference_s: float) -> list
     return sorted(pairs)
 
 
-def rows(path, ordered: Callable[[str], str] = str) -> list[tuple[int, list[str]]]:
+def rows(path, ordered: Callable[[str], str] = in_unix_time) -> list[tuple[int, list[str]]]:
     """(line number, words) of a text list; `#` begins a comment, commas count as spaces. ordered: the text as it is read."""
     out = []
     try:

@@ -10,13 +10,13 @@ from rhs.base.errors import ConfigError
 MOST_PIXELS = 64_000_000  # of an image of a camera
 HEAD_BYTES = 1 << 16  # the size stands in these
 TIFF, MOST_TIFF_BYTES = (b"II*\0", b"MM\0*"), 1 << 28
-_PNM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")
+_PNM = re.compile(rb"P[1-6Ff](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")
 _JPEG_FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 
 
 def declared_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) in pixels that the head of a PNG, JPEG, BMP, PNM, GIF, WebP or TIFF claims; None where it is none of
-    these."""
+    """(width, height) in pixels that the head of a PNG, JPEG, BMP, PNM, PFM, GIF, WebP or TIFF claims; None where it is
+    none of these."""
     if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
         return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
     if data[:2] == b"BM" and len(data) >= 26:

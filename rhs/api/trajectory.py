@@ -10,6 +10,8 @@ import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +24,17 @@ from .geometry import align, inverse, se3
 from .pose_exports import advice_for, exported
 
 log = logging.getLogger("rhs.trajectory")
-_STAMP = re.compile(r"(t|time|time_?stamp|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
+_STAMP = re.compile(r"(t|time|time_?stamp|date_?time|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
 _NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality|(roll|pitch|yaw)(_deg)?$")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
 _EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
 _ANGLE = re.compile(r"(?:.*[._ ])?(roll|pitch|yaw|theta|heading|th)[_ ]?(rad|radians|deg|degrees)?")
 _NCLT_ROW = re.compile(r"\d{16}(,\s*[^,\s]+){6}$")  # microseconds, x y z, roll pitch heading
 _ECHO_ROW = re.compile(r"\d{1,10},\d{1,9},[a-zA-Z_/][^,]*,([a-zA-Z_/][^,]*,)?[-\d]")  # ros2 topic echo --csv: s, ns, frames
+_DATE = re.compile(r"\b(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.](\d+)|,(\d+)(?=;))?(Z\b|[-+]\d\d:?\d\d\b)?")
 _LOST_ROW = re.compile(r"[-+.\deE]+(?:[,;\s]+[-+]?nan){7,}[,;\s]*|[-+.\deE]+[,;]{7,}\s*", re.I)  # a stamp, and nothing more
 _DIGITS = {13: 3, 16: 6, 18: 7, 19: 9}  # of a time in ms, us, Windows' 100 ns and ns; so many of them are behind the point
+_SAID_UNITS = {r"ns\b|nano|nsec": 9, r"us\b|micro|usec": 6, r"ms\b|milli|msec": 3}  # in the name of a column of stamps
 _UNIT = 0.05  # a quaternion may be so much longer or shorter than 1; files are rounded
 _NED = {"northing": "x", "easting": "y", "down": "z"}  # of Oxford RobotCar's ins.csv and rtk.csv
 MOST_HEADING = 6.3  # that is taken for radians where nobody says
@@ -116,19 +120,21 @@ def in_tum_order(text: str, where: str = "line") -> str:
     """A table of poses with its columns as a TUM file has them and stamps in seconds, where a header names them
     (`timestamp,p_x [m],...,q_w []`, `time;x;y;z;qx;qy;qz;qw`, `sec,nsec,x,...`, `time,x,y,yaw`, `t,x,y,z,roll,pitch,yaw`,
     commented or not), or EuRoC's, which begins with whole nanoseconds and a comma, NCLT's, with angles, or that of `ros2
-    topic echo --csv`, without one, line by line; or an export of another program (pose_exports). Another text as it is.
-    where: its file. Raises RecordingError of angles whose unit nobody says."""
+    topic echo --csv`, without one, line by line; or an export of another program (pose_exports). Times of ISO 8601 become
+    Unix seconds. Another text as it is. where: its file. Raises RecordingError of angles whose unit nobody says."""
     if (other := exported(text, where)) is not None:
         return other
+    text = in_unix_time(text, where)
     lines = text.splitlines()
     for k, line in enumerate(lines):
         order = _columns(line)
         if order:
-            nano = re.search(r"stamp[^,;]*\[ns\]|_ns\b|nsec|nanosec", line) is not None
-            return "\n".join([*[""] * (k + 1), *(_ordered(row, order, nano=nano) for row in lines[k + 1 :])])
+            digits = _said_behind(line, order[0])
+            return "\n".join([*[""] * (k + 1), *(_ordered(row, order, digits) for row in lines[k + 1 :])])
         if angled := _angled_columns(line):
             below = enumerate(lines[k + 1 :], start=k + 2)
-            turned = (_of_named_angles(row, f"{where}:{number}", *angled) for number, row in below)
+            digits = _said_behind(line, angled[0][0])
+            turned = (_of_named_angles(row, f"{where}:{number}", *angled, digits) for number, row in below)
             return "\n".join([*[""] * (k + 1), *turned])
         if words := line.split("#", 1)[0].strip():
             if _NCLT_ROW.match(words):
@@ -137,8 +143,24 @@ def in_tum_order(text: str, where: str = "line") -> str:
             if echoed := _ECHO_ROW.match(words):
                 begin = 4 if echoed[1] else 3
                 plain = [0, *range(begin, begin + 7), 1]
-            return "\n".join(_ordered(row, plain, nano=False) for row in lines) if plain else text
+            return "\n".join(_ordered(row, plain) for row in lines) if plain else text
     return text
+
+
+def in_unix_time(text: str, where: str = "line") -> str:
+    """A text with its times of ISO 8601 as Unix seconds; itself where it has none but in comments. Raises RecordingError."""
+    if not any(_DATE.search(line.split("#", 1)[0]) for line in text.splitlines()):
+        return text
+    return _DATE.sub(partial(_unix, where=where), text)
+
+
+def _unix(date: re.Match[str], where: str) -> str:
+    """Unix seconds of a time of ISO 8601; one that names no zone is taken for UTC. Raises RecordingError."""
+    try:
+        whole = datetime.fromisoformat(f"{date[1]}T{date[2]}{date[5] or '+00:00'}")
+    except ValueError as error:
+        raise RecordingError(f"{where}: found the time {date[0]!r} ({error}); expected one of ISO 8601") from None
+    return f"{int(whole.timestamp())}.{date[3] or date[4] or 0}"
 
 
 def _columns(header: str) -> list[int]:
@@ -179,7 +201,7 @@ def _angled_columns(header: str) -> tuple[list[int], float] | None:
     return ([ks[0] for ks in wanted], radians) if all(len(ks) == 1 for ks in wanted) else None
 
 
-def _of_named_angles(row: str, where: str, order: list[int], radians: float) -> str:
+def _of_named_angles(row: str, where: str, order: list[int], radians: float, said: int) -> str:
     """A row with angles (about fixed axes, roll first, as in ROS; on the floor heading alone) with a quaternion; as it is
     where it is none. Raises RecordingError where the angles may be of either unit."""
     words = _cells(row)
@@ -192,7 +214,7 @@ def _of_named_angles(row: str, where: str, order: list[int], radians: float) -> 
         angle = max(rest[-3:], key=lambda word: abs(float(word)))
         raise RecordingError(f"{where}: the heading {angle} is more than a turn of radians; expected a header that says "
                              "yaw_deg or yaw_rad")
-    return f"{stamp} {x} {y} {z:.9g} {_turned(np.array(angles) * (radians or 1.0))}"
+    return f"{_in_seconds(stamp, said)} {x} {y} {z:.9g} {_turned(np.array(angles) * (radians or 1.0))}"
 
 
 def _turned(angles: np.ndarray) -> str:
@@ -208,17 +230,31 @@ def _cells(row: str) -> list[str]:
     return plain.replace(",", "." if ";" in plain else " ").replace(";", " ").split()
 
 
-def _ordered(row: str, order: list[int], *, nano: bool) -> str:
+def _said_behind(header: str, column: int) -> int:
+    """How many digits of a stamp are behind its point, by the unit in the name of its column; 0 where it names none."""
+    separator = ";" if ";" in header else "," if "," in header else None
+    name = header.lstrip("#%\ufeff ").split(separator)[column].lower()
+    return next((digits for unit, digits in _SAID_UNITS.items() if re.search(unit, name)), 0)
+
+
+def _ordered(row: str, order: list[int], said: int = 0) -> str:
     words = _cells(row)
     if len(words) <= max(order):
         return row
     words = [words[k] for k in order]
     if len(words) > len(_TUM):
         return f"{words[0]}.{words[-1].zfill(9)} {' '.join(words[1:-1])}"
-    behind = 9 if nano else _DIGITS.get(len(words[0]), 0)
-    if behind and words[0].isdigit():
-        words[0] = f"{words[0].zfill(behind + 1)[:-behind]}.{words[0].zfill(behind + 1)[-behind:]}"
-    return " ".join(words)
+    return " ".join([_in_seconds(words[0], said), *words[1:]])
+
+
+def _in_seconds(stamp: str, said: int) -> str:
+    """A stamp with its point where its column's unit, or the digits of a whole Unix time, put it."""
+    whole, _, rest = stamp.partition(".")
+    behind = (said if len(whole) != 10 else 0) if rest else said or _DIGITS.get(len(whole), 0)  # ten: Unix seconds
+    if not behind or not (whole + rest).isdigit():
+        return stamp
+    whole = whole.zfill(behind + 1)
+    return f"{whole[:-behind]}.{whole[-behind:]}{rest}"
 
 
 def _of_angles(row: str) -> str:

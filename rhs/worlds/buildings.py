@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,8 @@ from .mesh_files import MESHES
 from .mesh_world import read_solid
 from .near_walls import keep_near_walls
 from .other_maps import advice_for
+from .others.rmf import level_in
+from .others.stage import plan_in
 from .robot import shape_of
 from .scene_files import SCENES
 from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose
@@ -49,6 +53,8 @@ def read_building(path: Path, file: Section) -> Building:
         raise ConfigError(f"{file.where('building')}: building: there is no file {path}")
     radius_m, _ = shape_of(file, RADIUS_M)
     start_m = np.array(file.numbers("start", count=3, low=-FAR_M, high=FAR_M)[:2]) if "start" in file.nodes else None
+    if path.suffix.lower() == ".world" and (plan := plan_in(path)) is not None:
+        return building_of(plan, radius_m, start_m, path)
     if path.suffix.lower() in (*MESHES, *SCENES):
         return read_solid(path, file, radius_m, start_m)
     drawn = path.suffix.lower() in PICTURES
@@ -63,6 +69,8 @@ def read_building(path: Path, file: Section) -> Building:
             raise ConfigError(f"{path}: {advice}")
         raise ConfigError(f"{path}: no building is read from {path.suffix or 'such'} files; expected a map (.yaml), a plan "
                           f"({', '.join(PICTURES)}), a scene ({', '.join(SCENES)}) or a mesh ({', '.join(MESHES)})")
+    if not drawn and (level := level_in(path)) is not None:
+        return building_of(level, radius_m, start_m, path)
     map_from_image = _map_from_image(path)
     if start_m is not None:
         start_m = (np.linalg.inv(map_from_image) @ (*start_m, 1.0))[:2]
@@ -72,7 +80,7 @@ def read_building(path: Path, file: Section) -> Building:
     if drawn and (marks := writing_in(grid)) >= WRITING:
         log.warning("%s: %d marks of less than 1 m stand apart from every wall, and are built: if they are writing, write "
                     "marks_m: 1 in %s", path.stem, marks, path.name)
-    return _turned(building_of(known_part(grid), radius_m, start_m, path), map_from_image)
+    return _turned(building_of(known_part(grid), radius_m, start_m, path, advice=partial(advice_on, path)), map_from_image)
 
 
 def _map_from_image(path: Path) -> np.ndarray:
@@ -117,11 +125,13 @@ def known_part(grid: OccupancyGrid) -> OccupancyGrid:
     return OccupancyGrid(part.copy(), grid.resolution_m, (x + left * grid.resolution_m, y + top * grid.resolution_m))
 
 
-def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, path: Path) -> Building:
-    """The room of a flat map that holds the start, or the roomiest one. Raises ConfigError where the robot does not fit."""
+def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None, path: Path,
+                advice: Callable[[], str] = str) -> Building:
+    """The room of a flat map that holds the start, or the roomiest one. Raises ConfigError where the robot does not fit;
+    advice: what may then be wrong with its picture."""
     room = room_of(grid, radius_m, start_m)
     if not room.any():
-        raise no_room(str(path), grid, radius_m, start_m, advice_on(path) if path.suffix != ".json" else "")
+        raise no_room(str(path), grid, radius_m, start_m, advice())
     if start_m is None and (inside := behind_doors(grid, room, radius_m)).sum() < room.sum():
         room = inside
         log.warning("%s: its doors to the paper round it are shut (to drive there too give start in a world file)",

@@ -37,16 +37,24 @@ def floor_in(path: Path) -> OccupancyGrid | None:
 
 
 def _filled(corners_m: np.ndarray, path: Path) -> OccupancyGrid:
-    """Cells are free whose middle is inside, by the even-odd rule along each row."""
     low = corners_m.min(axis=0) - MARGIN_CELLS * CELL_M
     columns, rows = (np.ceil((corners_m.max(axis=0) - low) / CELL_M).astype(int) + MARGIN_CELLS).tolist()
     if rows * columns > MOST_CELLS:
         raise ConfigError(f"{path}: its verts span {columns * CELL_M:.0f} x {rows * CELL_M:.0f} m; expected metres")
-    turns = np.zeros((rows, columns), int)
-    cells = (corners_m - low) / CELL_M - 0.5  # the middle of the first cell is (0, 0)
+    free = inside((corners_m - low) / CELL_M, (rows, columns))
+    return OccupancyGrid(np.where(free, 0.0, 1.0).astype(np.float32), CELL_M, (float(low[0]), float(low[1])))
+
+
+def inside(corners: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """(H, W) bool of the cells of a grid whose middle is inside a polygon (N, 2), x and y in cells, by the even-odd rule
+    along each row."""
+    rows, columns = shape
+    turns = np.zeros((rows, columns + 1), int)
+    cells = corners - 0.5  # the middle of the first cell is (0, 0)
     for (x0, y0), (x1, y1) in zip(cells, np.roll(cells, -1, axis=0), strict=True):
-        crossed = np.arange(max(0, int(np.ceil(min(y0, y1)))), int(np.ceil(max(y0, y1))))
+        crossed = np.arange(max(0, int(np.ceil(min(y0, y1)))), min(rows, int(np.ceil(max(y0, y1)))))
         if len(crossed):
-            np.add.at(turns, (crossed, np.ceil(x0 + (crossed - y0) * (x1 - x0) / (y1 - y0)).astype(int)), 1)
-    outside = np.cumsum(turns, axis=1) % 2 == 0
-    return OccupancyGrid(outside.astype(np.float32), CELL_M, (float(low[0]), float(low[1])))
+            at = np.ceil(x0 + (crossed - y0) * (x1 - x0) / (y1 - y0)).astype(int)
+            np.add.at(turns, (crossed, np.clip(at, 0, columns)), 1)
+    within: np.ndarray = np.cumsum(turns, axis=1)[:, :-1] % 2 == 1
+    return within

@@ -70,7 +70,11 @@ def load_map(yaml_path: str | FilePath, *, origin: tuple[float, float, float] | 
     turned: if not, cells are the image's and the yaw is left to whoever asked. Raises ConfigError, in one line, for anything
     missing or out of range.
     """
-    header = read_header(yaml_path, origin=origin)
+    return map_of(read_header(yaml_path, origin=origin), turned=turned)
+
+
+def map_of(header: MapHeader, *, turned: bool = True) -> OccupancyGrid:
+    """The map that a header describes, as `load_map` reads it."""
     probability = np.flipud(_occupancy(_read_image(header.image), header))
     if header.marks_m > 0.0:
         probability[small_marks(probability, header.marks_m / header.resolution_m) > 0] = 0.0

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-
-from rhs.api.pictures import declared_size, head_of
 
 _PLAN = "export it as a .png and write a .yaml beside it with the lines `image:` and `resolution:` (metres a pixel)"
 _SAVED = "with its map on /map type: ros2 run nav2_map_server map_saver_cli -f NAME"
@@ -20,22 +17,19 @@ ADVICE = {
     ".pcd": POINTS,
     ".ifc": "a building model: IfcConvert {file} NAME.obj (IfcOpenShell), then world=NAME.obj",
     **dict.fromkeys((".las", ".laz", ".e57", ".xyz", ".pts", ".splat"), POINTS),
-    **dict.fromkeys((".dxf", ".dwg", ".svg", ".pdf", ".geojson", ".osm"), f"a drawing: {_PLAN}"),
+    **dict.fromkeys((".dxf", ".dwg", ".svg", ".pdf", ".geojson", ".gml", ".osm"), f"a drawing: {_PLAN}"),
     **dict.fromkeys((".blend", ".fbx", ".skp", ".usd", ".usdz", ".3ds", ".3mf", ".x3d"), f"a model: {_MESH}"),
     **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".fcstd", ".rvt", ".usdc"), f"a model: {_MESH}"),
     **dict.fromkeys((".xml", ".mjcf"), f"a model of MuJoCo? {_MESH}, or its floor plan as a map"),
     ".navmesh": "where agents of Habitat may walk: name the scene's .glb beside it",
     ".house": "what rooms a scene of Matterport has: name its mesh beside it (.ply, .glb, .obj)",
-    ".wbt": f"a world of Webots: {_MESH}, or write it as .sdf", ".zip": "an archive: unpack it first",
+    ".zip": "an archive: unpack it first",
     ".json": f"a plan in numbers: draw it, {_PLAN}", ".ttt": f"a scene of CoppeliaSim: {_MESH}",
     ".mtl": "colours of a mesh: name its .obj", ".proto": f"a part of Webots: {_MESH}",
     **dict.fromkeys((".erb", ".em", ".jinja"), "a recipe of a file: expand it first: erb {file} > NAME.world"),
     ".inc": "a part of a Stage world: name the picture in it (bitmap) as a plan",
 }
 ADVICE[".ot"], ADVICE[".usda"] = ADVICE[".bt"], ADVICE[".usd"]
-_STAGE = re.compile(r"^\s*(include\s+\"|define\s+\w+|resolution\s|floorplan|window\b)", re.M)
-_MODEL = re.compile(r"floorplan\s*\(([^()]*)\)", re.S)
-_HEAD_BYTES = 100_000
 
 
 def advice_for(path: Path) -> str:
@@ -43,30 +37,3 @@ def advice_for(path: Path) -> str:
     habitat = path.name.endswith((".scene_instance.json", ".scene_dataset_config.json", ".stage_config.json"))
     said = "a scene of Habitat: name its stage's mesh, world=NAME.glb" if habitat else ADVICE.get(path.suffix.lower(), "")
     return said.format(file=path.name)
-
-
-def stage_advice(path: Path) -> str:
-    """What to write for a world of Stage, which is no XML: its floor plan is a picture. Empty where it is none."""
-    text = path.read_bytes()[:_HEAD_BYTES].decode("utf-8", "replace")
-    if not _STAGE.search(text):
-        return ""
-    plan = _MODEL.search(text)
-    within = "" if plan is None else plan[1]
-    picture = re.search(r'bitmap\s+"([^"]+)"', within)
-    size, pose = (_numbers(word, within) for word in ("size", "pose"))
-    if picture is None or len(size) < 2:
-        return "a world of Stage: write a .yaml with the lines `image:` of its bitmap and `resolution:` (metres a pixel)"
-    image = path.parent / picture[1]
-    pixels = declared_size(head_of(image)) if image.is_file() else None
-    resolution = f"{size[0] / pixels[0]:.6g}" if pixels else f"{size[0]:g} / its pixels in width"
-    x, y, *_ = [*pose, 0.0, 0.0]
-    return (f"a world of Stage: write {Path(picture[1]).stem}.yaml beside it with the lines `image: {picture[1]}`, "
-            f"`resolution: {resolution}`, `origin: [{x - 0.5 * size[0]:g}, {y - 0.5 * size[1]:g}, 0]` and name that")
-
-
-def _numbers(word: str, text: str) -> list[float]:
-    found = re.search(rf"\b{word}\s*\[([^\]]*)\]", text)
-    try:
-        return [] if found is None else [float(number) for number in found[1].split()]
-    except ValueError:
-        return []

@@ -22,11 +22,11 @@ from rhs.base.errors import ConfigError
 
 from .gazebo import as_saved, downloaded, fetched, installed, is_robot, person_of
 from .mesh_files import Y_UP, MeshFile, check_readable, check_xml, read_mesh
-from .other_maps import stage_advice
+from .others.webots import read_webots
 from .sdf_poses import DEEPEST, HOW_XACRO, frame_in, numbers_in, placed_at, pose_of, poses_in, values_of
 from .soup import Part, box, cylinder, part, sphere
 
-SCENES = (".world", ".sdf", ".urdf")
+SCENES = (".world", ".sdf", ".urdf", ".wbt")
 MOST_BYTES = 64 << 20
 ABOVE = 5  # folders above a file in which models are looked for
 BUILT_IN = ("sun", "ground_plane")  # come with Gazebo: a light, and a plane that the floor stands for
@@ -55,14 +55,22 @@ class Scene:
 
 def read_scene(path: Path) -> Scene:
     """All of a world, model or robot file. Raises ConfigError in one line."""
-    root = _xml(path)
     scene = Scene()
+    if path.suffix.lower() == ".wbt":
+        scene.parts, scene.missing, scene.robots = read_webots(path)
+        return _seen(scene, path)
+    root = _xml(path)
     if root.tag == "robot":
         _robot(scene, root, path)
     elif root.tag in ("sdf", "gazebo"):
         _children(scene, root, np.eye(4), path, 0)
     else:
         raise ConfigError(f"{path}: the file begins with <{str(root.tag)[:40]}>; expected <sdf> or <robot>")
+    return _seen(scene, path)
+
+
+def _seen(scene: Scene, path: Path) -> Scene:
+    """The scene. Raises ConfigError where it holds nothing to see."""
     if not scene.parts:
         left_out = f"; missing: {scene.missing[0]}{fetched(scene.missing)}" if scene.missing else ""
         if "ros.org/wiki/xacro" in path.read_text("utf-8", "replace"):
@@ -78,8 +86,6 @@ def _xml(path: Path) -> Element:
     try:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        if advice := stage_advice(path):
-            raise ConfigError(f"{path}: {advice}") from None
         raise ConfigError(f"{path}: this XML cannot be read ({' '.join(str(error).split())[:120]})") from error
 
 
@@ -334,7 +340,7 @@ def _found(uri: str, folder: Path) -> Path | None:
     places = [folder / name]
     if scheme in ("model://", "package://"):
         for above in [folder, *folder.parents][:ABOVE]:
-            places += [above / name, above / "models" / name]
+            places += [above / name, above / "models" / name, above / "meshes" / name]
             if above.name == name.split("/")[0]:
                 places.append(above.parent / name)
         places += [*installed(name), *versions]

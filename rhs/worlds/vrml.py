@@ -194,7 +194,7 @@ def _visit(node: Node, matrix: np.ndarray, scene: Scene, inlined: int, depth: in
         raise ValueError(f"more than {MOST_NODES} nodes")
     if node.kind == "Shape":
         if id(node) not in scene.shapes:
-            scene.shapes[id(node)] = _shape(node, scene)
+            scene.shapes[id(node)] = shape_of(node, scene)
         found = scene.shapes[id(node)]
         scene.triangles += sum(len(one.corners_m) for one in found)
         if scene.triangles > MOST_TRIANGLES:
@@ -206,7 +206,7 @@ def _visit(node: Node, matrix: np.ndarray, scene: Scene, inlined: int, depth: in
         return
     below = node.nodes("children")
     if node.kind == "Transform":
-        matrix = matrix @ _matrix(node)
+        matrix = matrix @ parent_from_child(node)
     elif node.kind == "Switch":
         which, choices = int(node.numbers("whichChoice", (-1.0,))[0]), node.nodes("choice")
         below = choices[which:which + 1] if which >= 0 else []
@@ -228,7 +228,7 @@ def _inline(node: Node, matrix: np.ndarray, scene: Scene, inlined: int) -> None:
     scene.missing.append((node.words("url") or ["an Inline without url"])[0])
 
 
-def _matrix(node: Node) -> np.ndarray:
+def parent_from_child(node: Node) -> np.ndarray:
     """parent_from_child of a Transform: T C R SR S -SR -C (section 6.52)."""
     def shift(name: str, sign: float = 1.0) -> np.ndarray:
         out = np.eye(4)
@@ -249,7 +249,7 @@ def _matrix(node: Node) -> np.ndarray:
     return out
 
 
-def _shape(node: Node, scene: Scene) -> list[Part]:
+def shape_of(node: Node, scene: Scene) -> list[Part]:
     """The parts of a Shape: its geometry in what its appearance says."""
     geometry, appearance = node.node("geometry"), node.node("appearance")
     if geometry is None:
@@ -260,7 +260,9 @@ def _shape(node: Node, scene: Scene) -> list[Part]:
     material = appearance.node("material") if appearance else None
     if material is not None and (found.colours == GREY).all():
         found = found.coloured(_rgb(material.numbers("diffuseColor", (0.8, 0.8, 0.8)))[0])
-    texture = appearance.node("texture") if appearance else None
+    elif appearance is not None and appearance.kind == "PBRAppearance":  # of Webots
+        found = found.coloured(_rgb(appearance.numbers("baseColor", (1.0, 1.0, 1.0)))[0])
+    texture = appearance.node("texture") or appearance.node("baseColorMap") if appearance else None
     image = _picture(texture, scene) if texture is not None and texture.kind == "ImageTexture" else None
     return [found if image is None else found.wearing(image)]
 

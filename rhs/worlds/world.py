@@ -59,7 +59,7 @@ def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, A
     if path.suffix.lower() not in (".yaml", ".yml"):
         return _foreign(path, path, put_robot(no_keys(path), robot))
     file = read_yaml(path)
-    if _is_flat_map(file):
+    if _is_flat_map(file) or "levels" in file.nodes:
         return _foreign(path, path, put_robot(no_keys(path), robot))
     put_robot(file, robot)
     if "building" in file.nodes:

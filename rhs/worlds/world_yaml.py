@@ -173,8 +173,6 @@ class Section:
         if node is None and required:
             near = difflib.get_close_matches(key, [k for k in self.nodes if k not in self.taken], n=1, cutoff=0.6)
             advice = f"; did you mean it by '{near[0]}'?" if near else ""
-            if "levels" in self.nodes:  # of RMF's traffic editor
-                advice = "; of RMF? ros2 run rmf_building_map_tools building_map_generator gazebo FILE NAME.world MODELS"
             raise ConfigError(f"{_where(self.node)}: {self.name} lacks the key '{key}'{advice}")
         return node
 

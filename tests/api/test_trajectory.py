@@ -94,6 +94,36 @@ def test_a_header_says_which_column_is_which(tmp_path, header, row):
     np.testing.assert_allclose(way.poses[0, :2, :2], [[0.28, -0.96], [0.96, 0.28]], atol=1e-12)
 
 
+@pytest.mark.parametrize("text", [
+    "2020-09-13T12:26:40.5Z 1 2 3 0 0 0.6 0.8", "time,x,y,z,qx,qy,qz,qw\n2020-09-13 14:26:40.500+02:00,1,2,3,0,0,0.6,0.8",
+    "datetime;x;y;z;qx;qy;qz;qw\n2020-09-13 12:26:40,5;1;2;3;0;0;0,6;0,8",
+])
+def test_times_of_iso_8601_are_unix_seconds_in_utc_where_no_zone_is_named(tmp_path, text):
+    """`date -u -d @1600000000` prints Sun Sep 13 12:26:40 UTC 2020."""
+    (tmp_path / "way.csv").write_text(text + "\n", "utf-8")
+    way = read_tum(tmp_path / "way.csv")
+    assert way.stamps_s.tolist() == [1600000000.5] and way.positions_m.tolist() == [[1, 2, 3]]
+    np.testing.assert_allclose(way.poses[0, :2, :2], [[0.28, -0.96], [0.96, 0.28]], atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "stamp", "seconds"), [
+    ("time_ms", "1500", 1.5), ("t [ms]", "1500.25", 1.50025), ("timestamp_us", "1500", 0.0015), ("time [s]", "1500", 1500.0),
+    ("#timestamp [ns]", "1500", 1.5e-6), ("#timestamp [ns]", "1600000000.5", 1600000000.5), ("time", "1500", 1500.0),
+])
+def test_the_name_of_a_column_says_the_unit_of_its_stamps(tmp_path, name, stamp, seconds):
+    """Times since a program's start were seconds: a thousand times too long. Under EuRoC's header some write seconds."""
+    (tmp_path / "way.csv").write_text(f"{name},x,y,z,qx,qy,qz,qw\n{stamp},1,2,3,0,0,0,1\n", "utf-8")
+    assert read_tum(tmp_path / "way.csv").stamps_s.tolist() == [seconds]
+    (tmp_path / "way.csv").write_text(f"{name},x,y,yaw_rad\n{stamp},1,2,0.1\n", "utf-8")
+    assert read_tum(tmp_path / "way.csv").stamps_s.tolist() == [seconds]
+
+
+def test_a_time_that_never_was_is_refused(tmp_path):
+    (tmp_path / "way.csv").write_text("2020-13-01T12:00:00 1 2 3 0 0 0 1\n", "utf-8")
+    with pytest.raises(RecordingError, match="'2020-13-01T12:00:00'.*expected one of ISO 8601"):
+        read_tum(tmp_path / "way.csv")
+
+
 def test_a_comment_that_is_no_header_and_a_table_without_one_stay_as_they_are():
-    for text in ("# ground truth trajectory\n# timestamp tx ty tz\n1 2 3 4 0 0 0 1\n", "1 2 3 4 0 0 0 1\n"):
+    for text in ("# ground truth of 2020-09-13 12:26:40\n# timestamp tx ty tz\n1 2 3 4 0 0 0 1\n", "1 2 3 4 0 0 0 1\n"):
         assert in_tum_order(text) is text

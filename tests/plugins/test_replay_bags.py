@@ -15,6 +15,7 @@ from rhs.recording.ros import camera_info
 from rhs_sources.bags.bag import choose_topics
 from rhs_sources.bags.messages import camera_of, points_of
 from rhs_sources.replay_config import Replay
+from rhs_sources.replay_sensor import suited_sensor
 
 ALL_KINDS = pytest.mark.parametrize("kind", KINDS)
 COLOR, DEPTH, INFO = "/camera/rgb/image_color", "/camera/depth/image", "/camera/rgb/camera_info"
@@ -226,7 +227,6 @@ def test_a_camera_info_says_the_lens(distortion):
 @pytest.mark.parametrize(
     ("change", "settings", "words"),
     [
-        ({"depth": None}, {}, r"no depth topic; .*found /camera/rgb/camera_info \(CameraInfo\), /camera/rgb/image_color"),
         ({"depth": np.full((HEIGHT, WIDTH), 9, np.uint8), "encoding": "8UC1"}, {}, "depth is 8-bit 8UC1"),
         ({"depth": np.full((24, 32), 900, np.uint16)}, {}, "colour is 64x48 but depth is 32x24"),
         ({}, {"color_topic": "/left"}, "no topic /left; found"),
@@ -238,6 +238,13 @@ def test_what_does_not_fit_is_refused_before_the_first_view(tmp_path, change, se
     with pytest.raises(ConfigError, match=words) as caught:
         views(write(tmp_path, **change), **settings)
     assert "\n" not in str(caught.value)
+
+
+def test_a_bag_of_one_camera_is_read_without_a_word_about_depth(tmp_path):
+    """It was refused, also with sensor=mono, until source.depth_topic=none was typed."""
+    path = write(tmp_path, depth=None)
+    assert {"image", "gray"} <= views(path)[0].provides and "depth" not in views(path)[0].provides
+    assert suited_sensor(Replay(path=str(path))) == "mono"
 
 
 def test_no_intrinsics_anywhere_is_said(tmp_path):

@@ -93,6 +93,66 @@ def test_record3d_names_its_camera_and_its_depth_is_said_to_be_left_out(tmp_path
     assert "no depth is read from depth; expected numbered .png" in caplog.text and "others as .npy (metres)" in caplog.text
 
 
+@pytest.mark.parametrize("names", [
+    ["2020-09-13_12-26-59.500", "2020-09-13_12-27-00.500", "2020-09-13_12-27-01.500"],
+    ["IMG_20200913_122659500", "IMG_20200913_122700500", "IMG_20200913_122701500"],
+])
+def test_dates_in_names_are_the_times_of_the_views_over_the_end_of_a_minute(tmp_path, names):
+    """They were led by their seconds alone: the first last. `date -u -d @1600000019` prints 12:26:59."""
+    for k, name in enumerate(names):
+        put(tmp_path / f"rgb/{name}.png", np.full((48, 64), 10 + 20 * k, np.uint8))
+        put(tmp_path / f"depth/{name}.png", np.full((48, 64), 1000 + k, np.uint16))
+    seen = [capture for capture, _ in views(tmp_path, camera=CAMERA)[1]]
+    assert [capture.stamp_s for capture in seen] == [1600000019.5, 1600000020.5, 1600000021.5]
+    assert [int(capture.image[0, 0, 0]) for capture in seen] == [10, 30, 50]
+    assert [round(float(capture.depth[0, 0]), 3) for capture in seen] == [1.0, 1.001, 1.002]
+
+
+def test_numbers_that_are_no_dates_stay_numbers(tmp_path):
+    for k in (1, 2):
+        put(tmp_path / f"rgb/2020023012265{k}.png", picture(k))  # the 30th of February
+    assert [capture.stamp_s for capture, _ in views(tmp_path, camera=CAMERA)[1]] == [0.0, pytest.approx(1 / 30)]
+
+
+def test_lists_with_times_of_iso_8601_are_read(tmp_path):
+    for k in range(2):
+        put(tmp_path / f"rgb/{k}.png", picture(k))
+    lines = "".join(f"2020-09-13T12:26:4{k}.500Z rgb/{k}.png\n" for k in range(2))
+    (tmp_path / "rgb.txt").write_text(lines)
+    assert [capture.stamp_s for capture, _ in views(tmp_path, camera=CAMERA)[1]] == [1600000000.5, 1600000001.5]
+
+
+def test_openloris_says_its_camera_with_cx_before_fy(tmp_path):
+    """The numbers of its own sensors.yaml, halved: 848 x 480, the middle near 433 and 249."""
+    for k in range(2):
+        put(tmp_path / f"color/{k}.png", np.full((240, 424), 9, np.uint8))
+    (tmp_path / "color.txt").write_text("1.0 color/0.png\n2.0 color/1.png\n")
+    (tmp_path / "sensors.yaml").write_text(
+        "%YAML:1.0\n---\nd400_color_optical_frame:\n   width: 424\n   height: 240\n   model: pinhole\n   intrinsics: "
+        "!!opencv-matrix\n      rows: 1\n      cols: 4\n      dt: d\n      data: [ 305.7, 216.6, 305.8, 124.7 ]\n")
+    camera = views(tmp_path)[0].camera
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (305.7, 305.8, 216.6, 124.7)
+
+
+@pytest.mark.parametrize("order", ["<f4", ">f4"])
+def test_depth_in_pfm_is_metres_from_the_lowest_row_up_and_infinite_is_unknown(tmp_path, order):
+    """Debevec's format: a scale below zero says that the low byte comes first."""
+    depth = np.linspace(1.0, 3.0, 48 * 64, dtype=np.float32).reshape(48, 64)
+    depth[5, 7] = np.inf
+    (tmp_path / "depth").mkdir()
+    for k in range(2):
+        put(tmp_path / f"rgb/{k}.png", picture(k))
+        head = f"Pf\n64 48\n{-1.0 if order == '<f4' else 1.0}\n".encode()
+        (tmp_path / f"depth/{k}.pfm").write_bytes(head + depth[::-1].astype(order).tobytes())
+    seen = [capture.depth for capture, _ in views(tmp_path, camera=CAMERA)[1]]
+    np.testing.assert_array_equal(seen, [np.where(np.isfinite(depth), depth, np.nan)] * 2)
+    (tmp_path / "depth/0.pfm").write_bytes(b"Pf\n64 48\n-1.0\n")
+    (tmp_path / "depth/1.pfm").write_bytes(b"Pf\n64000 48000\n-1.0\n")
+    assert "0.pfm: found 14 bytes that are no image" in refused(tmp_path, camera=CAMERA)
+    (tmp_path / "depth/0.pfm").write_bytes(b"Pf\n64000 48000\n-1.0\n")
+    assert "64000 x 48000 pixels" in refused(tmp_path, camera=CAMERA)
+
+
 def test_other_metadata_is_no_camera(tmp_path):
     (tmp_path / "metadata.json").write_text('{"author": "me"}')
     put(tmp_path / "rgb/1.png", picture())

@@ -223,7 +223,7 @@ BOMB = "<?xml version='1.0'?><!DOCTYPE sdf [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;
     ("m.obj", "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n", "nothing stands between 0.04 and 0.25 m above the floor"),
     ("p.pbstream", "", "cartographer_pbstream_to_ros_map -pbstream_filename p.pbstream -map_filestem NAME"),
     ("q.world", 'include "map.inc"\nfloorplan ( name "q" bitmap "q.png" size [16 8 0.8] pose [1 0 0 0] )\n',
-     "write q.yaml beside it with the lines `image: q.png`, `resolution: 16 / its pixels in width`, `origin: [-7, -4, 0]`"),
+     "its floor plan q.png is not there; put it beside the world"),
     ("n.abc", "", "no building is read from .abc files"),
     ("o.urdf.xacro", "<robot/>", "expand it first: xacro o.urdf.xacro > o.urdf"),
 ])
@@ -278,3 +278,13 @@ def test_a_drawn_plan_is_listed_and_what_may_be_writing_is_said(tmp_path, capsys
     caplog.clear()
     write(tmp_path / "flat.yaml", "image: flat.png\nresolution: 0.04\nmarks_m: 1\n")
     assert main(["worlds", str(tmp_path / "flat.png")]) == 0 and "marks" not in caplog.text
+
+
+def test_meshes_of_a_package_are_found_in_its_folder_meshes(tmp_path):
+    """As Clearpath's worlds name them, with the uri in lines of its own."""
+    (tmp_path / "meshes/office").mkdir(parents=True)
+    mesh_of(BOXES).export(tmp_path / "meshes/office/room.stl")
+    (tmp_path / "worlds").mkdir()
+    text = ("<sdf version='1.4'><model name='o'><link name='o'><visual name='v'><geometry><mesh><uri>\n model://office/room.stl\n"
+            "</uri></mesh></geometry></visual></link></model></sdf>")
+    assert_room(load_world(write(tmp_path / "worlds/office.sdf", text)))

@@ -132,8 +132,9 @@ def color_of(message, topic: str) -> np.ndarray:
         return _of_planes(message, topic)
     if message.encoding not in COLOR:
         known = ", ".join((*COLOR, *BAYER, *YUV, *PLANES))
-        raise ConfigError(f"{topic}: images are {message.encoding or 'of no encoding'}; expected one of {known}; republish "
-                          "them as one of these (cv_bridge) and record that")
+        depth = f" (of depth type source.depth_topic={topic})" if message.encoding in DEPTH else ""
+        raise ConfigError(f"{topic}: images are {message.encoding or 'of no encoding'}{depth}; republish them as rgb8 or "
+                          f"mono8 (cv_bridge) and record that; expected one of {known}")
     channels, order = COLOR[message.encoding]
     wide = message.encoding.endswith("16")
     image = _rows(message, np.dtype("u2" if wide else "u1"), channels, topic)

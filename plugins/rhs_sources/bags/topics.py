@@ -91,12 +91,18 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
                               "them")
         raise ConfigError(f"{where}: no colour image topic, no LaserScan and no PointCloud2; found {_listed(found)}"
                           f"{of_topics(found)}")
-    if color and not depth and not cloud and settings.depth_topic != "none":
+    if color and not depth and not cloud and settings.depth_topic != "none" and (len(clouds) > 1 or _perhaps_depth(found)):
         raise ConfigError(f"{where}: no depth topic; type source.depth_topic=NAME (or none); found {_listed(found)}")
     infos = of("CameraInfo")
     info = pick("info", infos, color) if color else ""
     deep = _beside(depth, infos) if depth else []
     return Topics(color, depth, cloud, info, scan, pick("wheel", of("Odometry")), deep[0] if len(deep) == 1 else "")
+
+
+def _perhaps_depth(found: dict[str, str]) -> bool:
+    """Whether some topic may hold depth in a form or under a name that is not known."""
+    return any(kind.endswith("DisparityImage") or kind in IMAGES and any(word in t.lower() for word in ("depth", *NEITHER))
+               for t, kind in found.items())
 
 
 def _beside(topic: str, others: list[str]) -> list[str]:

@@ -44,11 +44,11 @@ COLORS = ("rgb", "color", "colour", "image", "images", "rgb_images", "color_imag
           "lowres_wide", "photo", "data_rect")
 SCENENET = "photo"  # beside depth along the rays (McCormac et al., ICCV 2017)
 ASIDE = re.compile(r"conf(idence)?[_\d]", re.I)  # images of a phone that are neither colour nor depth
-DEEP_ELSE = (".pfm", ".exr")  # of AirSim, Record3D, Blender
+DEEP_ELSE = (".pfm", ".exr")  # of AirSim, Record3D, Blender, beside their images
 FEW_SHADES = 40  # in 8 bits, of an image of 16
 DEPTHS = ("depth", "depths", "depth_images", "lowres_depth")  # ARKitScenes' are the last
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".pgm", ".webp", ".tif", ".tiff")
-DEEP_IMAGES = (".png", ".pgm", ".tif", ".tiff", ".npy", ".depth", ".jpg", ".jpeg")  # the last two are refused by name
+DEEP_IMAGES = (".png", ".pgm", ".tif", ".tiff", ".npy", ".pfm", ".depth", ".jpg", ".jpeg")  # the last are refused by name
 RATE_HZ = 30.0
 DEPTH_SCALE = 1000.0
 SAME_SHAPE = 0.02  # by which width to height of two images of one scene may differ
@@ -81,15 +81,15 @@ def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]
     colors, within = _folder(path, COLORS), _folder(path, DEPTHS, DEEP_IMAGES)
     if within is None and (strange := _folder(path, DEPTHS, ("",))) is not None:
         log.warning("%s: no depth is read from %s; expected numbered %s; write others as .npy (metres)", path.name,
-                    strange.name, ", ".join(DEEP_IMAGES[:5]))
+                    strange.name, ", ".join(DEEP_IMAGES[:6]))
     together = _images(colors or path)
     if within is not None:
         return together, _images(within, DEEP_IMAGES)
     if along_rays := _images(path, (povray.DEPTH,)):
         return together, along_rays
     if other := [file for file in (colors or path).iterdir() if file.suffix.lower() in DEEP_ELSE]:
-        log.warning("%s: no depth is read from its %d files such as %s; write them as .npy (metres) into a folder depth, "
-                    "numbered as the images", path.name, len(other), other[0].name)
+        log.warning("%s: no depth is read from its %d files such as %s; put them into a folder depth (.exr as .npy, "
+                    "metres), numbered as the images", path.name, len(other), other[0].name)
     deep = ["depth" in file.stem.lower() for _, file in together]
     return ([one for one, is_deep in zip(together, deep, strict=True) if not is_deep],
             [one for one, is_deep in zip(together, deep, strict=True) if is_deep])

@@ -25,7 +25,7 @@ from ..lens_models import MODELS, with_lens
 
 NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
          "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "_info.txt", "cam_params.json",
-         "camera_matrix.csv", "transforms.json", "*camchain*.yaml", "metadata.json")
+         "camera_matrix.csv", "transforms.json", "*camchain*.yaml", "metadata.json", "sensors.yaml")
 ELSE = ("cameras/*.json", "frame_*.json", "lowres_wide_intrinsics/*.pincam", "cameras.txt", "sparse/cameras.txt",
         "sparse/0/cameras.txt")
 ABOVE = ("cam_params.json",)  # and one folder up
@@ -34,7 +34,8 @@ MOST_SCALE = 1e6
 PINHOLES = ("pinhole", "simple_pinhole")  # models of cameras that say nothing of a lens
 COLMAP = {"SIMPLE_PINHOLE": "f cx cy", "PINHOLE": "fx fy cx cy", "SIMPLE_RADIAL": "f cx cy k1", "RADIAL": "f cx cy k1 k2",
           "OPENCV": "fx fy cx cy k1 k2 p1 p2", "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4"}
-LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "opencv", "none", "")
+LORIS = "d400_color_optical_frame"  # of OpenLORIS's sensors.yaml, in which cx stands before fy
+LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "brown", "opencv", "none", "")
 HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
 
 
@@ -103,6 +104,9 @@ def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
             raise ValueError(f"found a {type(plain).__name__}, expected names and values")
         if isinstance(view := next(iter(plain.values()), None), dict) and "intrinsic" in view:  # ScanNet++
             plain = {"intrinsic_matrix": np.ravel(view["intrinsic"])}
+        if isinstance(seen := plain.get(LORIS), dict):
+            fx, cx, fy, cy = _data(seen["intrinsics"])
+            plain = seen | {"intrinsics": [fx, fy, cx, cy]}
         return camera_of_names(plain.get("camera") or plain.get("cam0") or plain, size)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # json's, yaml's, of no text, too
         short = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"

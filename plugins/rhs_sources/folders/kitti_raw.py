@@ -133,7 +133,7 @@ def drive_stamps(file: Path, numbers: list[int], settings) -> tuple[np.ndarray, 
     if settings.rate_hz or not file.is_file():
         return np.array(numbers) / (settings.rate_hz or 10.0), Counter()
     times = []
-    for line, words in rows(file):
+    for line, words in rows(file, str):
         text = " ".join(words)
         if not STAMP.fullmatch(text):
             raise ConfigError(f"{file.parent.name}/{file.name}:{line}: found {text[:40]!r}; expected 2011-09-26 13:02:25.9")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import calendar
 import re
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +26,8 @@ from .poses import poses_by_first, poses_by_line, poses_by_number
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
 _AND_TIME = re.compile(r"^\d{7}-(\d{12})$")  # number, and microseconds from the beginning (SUN3D, Redwood's objects)
 _IN_TWO = re.compile(r"^(?:.*\D)?(\d{10})[_-](\d{1,9})$")  # a Unix time in seconds and its fraction, of one stamp
+_DATED = re.compile(r"(?:^|.*\D)((?:19|20)\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?([0-3]\d)[-_. T]?([01]\d|2[0-3])[-_.:h]?"
+                    r"([0-5]\d)[-_.:m]?([0-5]\d)(?:[-_.,s]?(\d{3}|\d{6}|\d{9})|\.(\d{1,9}))?Z?$")  # date, time of day
 _DIGITS = re.compile(r"[\d.]+")
 SERIES = 0.25  # share of the files of a folder from which on names of another kind are another series
 Pose = Callable[[int], np.ndarray | None]
@@ -75,18 +80,32 @@ def led(listed: Listed, settings) -> Recording:
 
 def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
     """(number at the end of the name, before `tail`, as it is written, file) in order of the numbers; those without one are
-    left out. Where all names end in the two parts of a ROS time (cloud_1583836591_182590976.pcd) the number is that time."""
+    left out. Where all names end in the two parts of a ROS time (cloud_1583836591_182590976.pcd), or in a date and a time of
+    day (2024-05-01_10-00-59.500.png), the number is that time, Unix."""
+    files = list(files)
+    dated = [(match, file) for file in files if not file.name.startswith(".")
+             and (match := _DATED.match(file.stem.removesuffix(tail)))]
     found = [(match[2], file) for file in files if not file.name.startswith(".")  # ._1.png: macOS's, beside each
              and (match := _NUMBERED.match(file.stem.removesuffix(tail)))]
     and_time = [match for _, file in found if (match := _AND_TIME.match(file.stem.removesuffix(tail)))]
     if len(and_time) == len(found):
         found = [(f"{int(match[1]) * 1e-6:.6f}", file) for match, (_, file) in zip(and_time, found, strict=True)]
+    if found and len(dated) == len(found) and (seconds := _unix(match for match, _ in dated)):
+        found = [(second, file) for second, (_, file) in zip(seconds, dated, strict=True)]
     in_two = [match for _, file in found if (match := _IN_TWO.match(file.stem.removesuffix(tail)))]
     if len(in_two) == len(found):
         digits = max((len(match[2]) for match in in_two), default=9)  # nanoseconds, or whole milli- or microseconds
         found = [(f"{match[1]}.{match[2].zfill(digits if digits in (3, 6) else 9)}", file)
                  for match, (_, file) in zip(in_two, found, strict=True)]
     return sorted(found, key=lambda pair: (float(pair[0]), [*map(int, re.findall(r"\d+", pair[1].stem))], pair[1].name))
+
+
+def _unix(dates: Iterable[re.Match[str]]) -> list[str]:
+    """Unix seconds of dates and times of day in UTC; none at all where one is no day of the calendar."""
+    with suppress(ValueError):
+        return [f"{calendar.timegm(time.strptime(' '.join(date.groups()[:6]), '%Y %m %d %H %M %S'))}."
+                f"{date[7] or date[8] or 0}" for date in dates]
+    return []
 
 
 def one_series(files: Sequence[tuple[str, Path]]) -> None:

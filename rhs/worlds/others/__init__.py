@@ -1,0 +1,1 @@
+"""Buildings in the forms of single programs: Open-RMF's traffic editor, Webots."""
