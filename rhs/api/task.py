@@ -30,8 +30,8 @@ Value = float | int | str | bool | None
 @dataclass
 class Parts:
     """The parts a task asked for; those of other kinds are not there. provides: what all of them offer together.
-    who: kind -> what it is called in an error: kind=name (distribution). slam: the one part behind odometry, loop closer,
-    mapper and localiser, where there is one."""
+    who: kind -> what it is called in an error: kind=name (distribution); degrade -> the typed ones that spoil pictures.
+    slam: the one part behind odometry, loop closer, mapper and localiser, where there is one."""
 
     source: Source
     sensor: Sensor

@@ -152,7 +152,18 @@ def build(chosen: Mapping[str, Chosen], *, seed: int, world: World | None, folde
     absent = dict.fromkeys(KINDS, cast(Any, None))
     makers = {kind: SLAM if SLAM in chosen and kind in REPLACED_BY_SLAM else kind for kind in KINDS}
     who = {kind: called(maker, chosen[maker]) for kind, maker in makers.items() if maker in chosen}
+    if spoilt := spoiling_pictures(chosen):
+        who[DEGRADE] = f"{DEGRADE}={spoilt}"
     return Parts(**(absent | built), features=features, provides=provides, who=who)
+
+
+def spoiling_pictures(chosen: Mapping[str, Chosen]) -> str:
+    """The typed degradations that spoil what a camera sees or is told to be, as they are typed; else empty."""
+    if DEGRADE not in chosen:
+        return ""
+    typed = chosen[DEGRADE]
+    named = zip(names_in(DEGRADE, typed.name), members_of(typed.settings), strict=True)
+    return "+".join(name for name, settings in named if settings.needs & {"image", "depth"})
 
 
 def _checked(source: Source, who: str) -> None:

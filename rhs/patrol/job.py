@@ -197,14 +197,17 @@ def settle(collected: ViewCollector, parts: Parts, log: RunLog) -> Surveyed:
 
 
 def saw_nothing(views: Sequence[View], parts: Parts) -> str:
-    """What to say of a survey most of which a depth camera was led through by the wheels alone; empty of any other."""
+    """What to say of a survey most of which a depth camera was led through by the wheels alone; empty of any other. A
+    degradation that was typed is the first thing to leave out; surfaces without a pattern are only a guess."""
     lost = sum(view.motion.status is Tracking.LOST for view in views)
     if "depth" not in parts.provides or lost <= max(BLIND_SHARE * len(views), BLIND_VIEWS):
         return ""
-    fused = "" if "fused" in parts.who["odometry"] else ", or odometry=fused, which takes walls to be square to one another"
-    return (f"the odometry had nothing to follow in {lost} of {len(views)} views of the survey (surfaces without a "
-            "pattern?): the map, and what is believed in it, is as wrong as the wheels; try sensor=laser, which goes by the "
-            f"walls{fused}")
+    fused = "" if "fused" in parts.who["odometry"] else ", or try odometry=fused, which takes walls to stand square"
+    typed = parts.who.get("degrade")
+    why, way = (f"its pictures were spoiled by {typed}", "without it a run shows whether it is the reason") if typed \
+        else ("surfaces without a pattern?", "try sensor=laser, which goes by the walls")
+    return (f"the odometry had nothing to follow in {lost} of {len(views)} views of the survey ({why}): the map, and what "
+            f"is believed in it, is as wrong as the wheels; {way}{fused}")
 
 
 def check_camera(views: Sequence[View], settings: CameraFitSettings, folder: Path, *, rng: np.random.Generator) -> None:
