@@ -14,7 +14,7 @@ import pytest
 import rhs
 from rhs.api.errors import RhsError
 from rhs.api.files import replacing
-from rhs.cli.main import not_written
+from rhs.base.commands import not_written
 from rhs.config import registry
 from rhs.sweeps import ending
 
