@@ -22,7 +22,6 @@ from rhs.base.errors import ConfigError
 
 from .gazebo import as_saved, downloaded, fetched, installed, is_robot, person_of
 from .mesh_files import Y_UP, MeshFile, check_readable, check_xml, read_mesh
-from .others.webots import read_webots
 from .sdf_poses import DEEPEST, HOW_XACRO, frame_in, numbers_in, placed_at, pose_of, poses_in, values_of
 from .soup import Part, box, cylinder, part, sphere
 
@@ -57,6 +56,8 @@ def read_scene(path: Path) -> Scene:
     """All of a world, model or robot file. Raises ConfigError in one line."""
     scene = Scene()
     if path.suffix.lower() == ".wbt":
+        from .others.webots import read_webots  # which loads scipy
+
         scene.parts, scene.missing, scene.robots = read_webots(path)
         return _seen(scene, path)
     root = _xml(path)
