@@ -209,7 +209,8 @@ def _check_used(kind: str, settings) -> None:
             continue
         if name == "stereo":
             raise ConfigError(f"source.stereo=true (sensor=stereo sets it): of a recording of the kind {kind} no second "
-                              "camera is read; type sensor=rgbd, or a KITTI, EuRoC or TartanAir folder")
+                              "camera is read; type sensor=rgbd if it has depth, sensor=mono for the first one alone, or "
+                              "name a KITTI, EuRoC or TartanAir folder")
         raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
 
 
