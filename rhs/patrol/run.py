@@ -45,14 +45,16 @@ if TYPE_CHECKING:
 
 
 def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
-               shared: SharedSurvey | None = None, keep: Keep | None = None) -> dict[str, Any]:
+               shared: SharedSurvey | None = None, keep: Keep | None = None,
+               building: World | None = None) -> dict[str, Any]:
     """Run one experiment in `folder` and return its row, which is also written there whatever the outcome.
 
     Raises ConfigError, before anything ran, for what can be refused. A failure later is a row with a reason; the
     exception that caused it is chained to the returned row under the key `_cause` and not written. shared: the survey
     that this run begins with, led already. keep: is given the survey that this run leads.
+    building: where it was read already.
     """
-    steps = run_steps(config, folder, watch, shared=shared, keep=keep, alone=True)
+    steps = run_steps(config, folder, watch, shared=shared, keep=keep, building=building, alone=True)
     while True:
         try:
             next(steps)
@@ -63,12 +65,12 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
 
 def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
               shared: SharedSurvey | None = None, keep: Keep | None = None,
-              alone: bool = False) -> Generator[Step, None, dict[str, Any]]:
+              building: World | None = None, alone: bool = False) -> Generator[Step, None, dict[str, Any]]:
     """The same, one step at a time where the task has steps; the row is the generator's value. alone: nobody else computes
     between the steps."""
     keep_freed_memory()
     check_live(config.live)
-    run, process = RunContext(config, folder, watch, shared, keep), os.getpid()
+    run, process = RunContext(config, folder, watch, shared, keep, building), os.getpid()
     row: dict[str, Any] = identity(config)
     begin_row(folder, row)
     row |= {"commit": commit(), "versions": versions()}
@@ -178,9 +180,10 @@ class RunContext:
     """A run under way, as its task sees it (rhs.api.task.TaskContext)."""
 
     def __init__(self, config: RunConfig, folder: Path, watch: Watch, shared: SharedSurvey | None = None,
-                 keep: Keep | None = None) -> None:
+                 keep: Keep | None = None, building: World | None = None) -> None:
         self.config, self.folder, self._watch, self.shared, self.keep = config, folder, watch, shared, keep
         self.seed, self.world, self.features = config.seed, config.world, config.features
+        self.building = building  # as it was read already
         self.log: RunLog | None = None
         self.drawer: Drawer | None = None
         self.begun = False  # from here on a failure is a row
@@ -217,7 +220,9 @@ class RunContext:
 
     def floor_plan(self) -> World | None:
         """The building, for the robot that the source's settings want."""
-        return building_of(self.config) if self.config.driving else None
+        if not self.config.driving:
+            return None
+        return self.building or building_of(self.config)
 
     def parts(self, *, world: World | None = None, seed: int | None = None,
               changes: Mapping[str, Mapping[str, Any]] | None = None, without: Collection[str] = ()) -> Parts:

@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from rhs.api.floorplan import World
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 from rhs.config.compose import OUTPUTS, RunConfig, to_plain
@@ -46,13 +47,13 @@ def survey_values(config: RunConfig) -> dict[str, Any] | None:
     return {name: value for name, value in to_plain(config).items() if name not in AFTER}
 
 
-def lead_shared(config: RunConfig, folder: Path) -> SharedSurvey:
-    """Lead the survey that a run of `config` begins with. Raises what the run would have ended with, and RhsError where
-    the parts cannot be shared by fork."""
+def lead_shared(config: RunConfig, folder: Path, building: World | None = None) -> SharedSurvey:
+    """Lead the survey that a run of `config` begins with. building: where it was read already. Raises what the run would
+    have ended with, and RhsError where the parts cannot be shared by fork."""
     keep_freed_memory()
     before = _held()
     parts = {kind: chosen for kind, chosen in config.parts.items() if kind not in LATER}
-    context = RunContext(replace(config, parts=parts, recording="off", live=""), folder, unwatched)
+    context = RunContext(replace(config, parts=parts, recording="off", live=""), folder, unwatched, building=building)
     job: PatrolJob = config.task.settings.build(context)
     log = context.open_log(job.parts, job.world)
     leading = Leading(context, log, recorded=config.recording != "off")

@@ -40,9 +40,9 @@ def lead(task: Task, folder: str, lifeline: Connection, orders: Connection) -> N
     on_compile(lambda: orders.send(COMPILING) if os.getpid() == own else None)
     take_over(task.plugins)
     config, log = from_plain(task.values), Path(folder) / JOB_LOG
-    shared, keep = kept_survey(config, log, lambda: orders.send(KEPT)) if task.cache else (None, None)
+    shared, keep, building = kept_survey(config, log, lambda: orders.send(KEPT)) if task.cache else (None, None, None)
     if shared is None:
-        shared = lead_shared(config, Path(folder))
+        shared = lead_shared(config, Path(folder), building)
         shared = replace(shared, said=log_text(log))
         if keep is not None:
             keep(shared)

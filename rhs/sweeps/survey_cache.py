@@ -28,6 +28,7 @@ from rhs.config import registry
 from rhs.worlds.random.names import is_random
 
 if TYPE_CHECKING:
+    from rhs.api.floorplan import World
     from rhs.config.compose import RunConfig
     from rhs.patrol.shared_survey import SharedSurvey
 
@@ -54,11 +55,19 @@ def most_mb() -> float:
     raise ConfigError(f"{MOST_MB}={text}: expected megabytes, 0 for no cache; for example {MOST_MB}={DEFAULT_MB:g}")
 
 
-def key_of(config: RunConfig) -> str | None:
+def building_read(config: RunConfig) -> World | None:
+    """The building of a run as it is read from its files, for the key and for the run; None of one that is drawn, which its
+    name tells, or of a survey that is not shared."""
+    from rhs.patrol.run import building_of
+    from rhs.patrol.shared import survey_values
+
+    return None if is_random(config.world) or survey_values(config) is None else building_of(config)
+
+
+def key_of(config: RunConfig, building: World | None) -> str | None:
     """The name of the survey that a run begins with: a hash of its settings, of the building, of the files that are named
     in it, of the code of its parts and of what is installed. None: of a survey that is not shared, or of whose parts' code
     less than all is known (those registered by hand)."""
-    from rhs.patrol.run import building_of
     from rhs.patrol.shared import survey_values
     from rhs.patrol.shared_survey import LATER
 
@@ -70,8 +79,8 @@ def key_of(config: RunConfig) -> str | None:
     code = {name: code_hash(name) for name in {"rhs", *(one.value.partition(":")[0].partition(".")[0] for one in origins)}}
     if any(origin.file for origin in origins) or not all(code.values()):
         return None
-    building = b"" if is_random(config.world) else pickle.dumps(replace(building_of(config), path=Path()))
-    known = [values, sorted(code.items()), versions(), _installed(), sorted(_stamps(values)), _digest(building).hex()]
+    read = b"" if building is None else pickle.dumps(replace(building, path=Path()))
+    known = [values, sorted(code.items()), versions(), _installed(), sorted(_stamps(values)), _digest(read).hex()]
     return _digest(json.dumps(known, sort_keys=True).encode()).hex()[:32]
 
 

@@ -27,6 +27,7 @@ from rhs.runfolder.folders import lock
 from rhs.runfolder.row import sound, write_row
 
 if TYPE_CHECKING:
+    from rhs.api.floorplan import World
     from rhs.patrol.shared import SharedSurvey
 
 JOB_LOG = "job.log"
@@ -73,12 +74,12 @@ def _run(task: Task, folder: Path, shared: SharedSurvey | None, told: Callable[[
         from rhs.patrol.run import run_config
 
         config = replace(from_plain(task.values), presets=task.identity.get("presets", ""))
-        keep = None
+        keep, building = None, None
         if shared is None and task.cache:
-            shared, keep = kept_survey(config, folder / JOB_LOG, told)
+            shared, keep, building = kept_survey(config, folder / JOB_LOG, told)
         if shared is not None:
             sys.stderr.write(shared.said)
-        row = run_config(config, folder, shared=shared, keep=keep)
+        row = run_config(config, folder, shared=shared, keep=keep, building=building)
         if row["status"] == "failed" and shared is not None and shared.kept:  # is it because of where the survey comes from?
             sys.stderr.write(f"{row['reason']}; the survey was that of an earlier sweep, it is led anew\n")
             empty(folder)
@@ -95,18 +96,19 @@ def _run(task: Task, folder: Path, shared: SharedSurvey | None, told: Callable[[
 
 
 def kept_survey(config: RunConfig, log: Path, told: Callable[[], None],
-                ) -> tuple[SharedSurvey | None, Callable[[SharedSurvey], None] | None]:
+                ) -> tuple[SharedSurvey | None, Callable[[SharedSurvey], None] | None, World | None]:
     """The survey that an earlier sweep led, which is told, or what keeps the one to be led, with what is in the log by
-    then."""
+    then. And the building, where it was read."""
     from . import survey_cache
 
-    key = survey_cache.key_of(config)
+    building = survey_cache.building_read(config)
+    key = survey_cache.key_of(config, building)
     if key is None:
-        return None, None
+        return None, None, building
     if (shared := survey_cache.load(key)) is not None:
         told()
-        return shared, None
-    return None, lambda led: survey_cache.keep(key, replace(led, said=log_text(log)))
+        return shared, None, building
+    return None, lambda led: survey_cache.keep(key, replace(led, said=log_text(log))), building
 
 
 def empty(folder: Path) -> None:
