@@ -56,9 +56,12 @@ def check_range(owner: str, name: str, value: float, *, low: float, high: float,
 
     Raises ConfigError naming the key, the value and the allowed range.
     """
-    if not low <= value <= high:
-        unit_text = f" {unit}" if unit else ""
-        key = f"{owner}.{name}" if owner else name
+    unit_text, key = f" {unit}" if unit else "", f"{owner}.{name}" if owner else name
+    try:
+        inside = low <= value <= high
+    except TypeError:
+        raise ConfigError(f"{key}={value!r}: expected a number{unit_text}, found {type(value).__name__}") from None
+    if not inside:
         raise ConfigError(f"{key}={value} is outside the allowed range [{low:.10g}, {high:.10g}]{unit_text}")
 
 

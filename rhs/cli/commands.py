@@ -100,6 +100,8 @@ def show_help(words: Sequence[str]) -> int:
     from rhs.config.dictionary import lines
 
     topic = words[0] if words else "commands"
+    if len(words) > 1:
+        raise ConfigError(f"help {' '.join(words)}: one word at a time; type python -m rhs help {words[1]}")
     if topic == "commands":
         for name, (_, meaning) in COMMANDS.items():
             sys.stdout.write(f"  python -m rhs {name:<12} {meaning}\n")

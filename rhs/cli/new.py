@@ -8,6 +8,7 @@ KIND is any kind of plugin. What it writes keeps its contract as it stands; exit
 
 from __future__ import annotations
 
+import keyword
 import re
 import sys
 from collections.abc import Sequence
@@ -34,8 +35,8 @@ def main(words: Sequence[str]) -> int:
         raise ConfigError(f"new: {wrong}; for example: python -m rhs new planner my_planner; "
                           f"kinds: {', '.join(PLUGIN_KINDS)}")
     kind, name = words[0], words[1]
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise ConfigError(f"new {kind} {name}: a plugin's name is small letters, digits and _")
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
+        raise ConfigError(f"new {kind} {name}: a plugin's name is small letters, digits and _, and no word of Python")
     folder = Path(words[2].removeprefix("output=") if len(words) == 3 else name).expanduser()
     if folder.exists():
         raise ConfigError(f"{folder} exists already; name another folder: python -m rhs new {kind} {name} FOLDER")

@@ -62,7 +62,9 @@ def register(kind: str, name: str, cls: type) -> None:
     Raises PluginError when the kind is unknown or the class is no plugin."""
     if kind not in PLUGIN_KINDS:
         raise PluginError(f"{kind}: there is no such kind of plugin{nearest(kind, list(PLUGIN_KINDS))}")
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
+    if kind != "metric" and not isinstance(cls, type):
+        raise PluginError(f"{kind}={name}: found an object of {type(cls).__name__}; give the class itself")
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         raise PluginError(f"{kind}={name}: a plugin's name is letters, digits and _")
     module, called = _where_it_stands(cls)
     file = getattr(sys.modules.get(module), "__file__", None) or module

@@ -298,3 +298,12 @@ def test_a_sweep_is_a_data_frame(tmp_path):
                        "output": str(tmp_path / "s")}, jobs=1)
     assert sorted(table["planner"]) == ["astar", "theta_star"] and set(table["plan_valid"]) == {1}
     assert sorted(rhs.table(tmp_path / "s")["planner"]) == ["astar", "theta_star"]
+
+
+@pytest.mark.parametrize(("call", "says"), [
+    (lambda: rhs.sweep(["seed=0,1"], jobs="2", quiet=True), "jobs='2': expected a number, found str"),
+    (lambda: rhs.register("planner", 3, int), "planner=3: a plugin's name is letters"),
+    (lambda: rhs.register("planner", "mine", lambda: 1), "found an object of function; give the class itself")])
+def test_what_is_of_the_wrong_type_is_refused_in_one_line(call, says):
+    with pytest.raises(rhs.RhsError, match=says):
+        call()

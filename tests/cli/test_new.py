@@ -95,7 +95,8 @@ def test_its_planner_finds_a_way_and_its_own_test_passes(tmp_path, monkeypatch, 
 
 @pytest.mark.parametrize(("words", "says"), [
     (["tabel", "run"], "did you mean table?"), (["new", "planer", "x"], "did you mean planner?"),
-    (["new", "planner", "No!"], "small letters")])
+    (["new", "planner", "No!"], "small letters"), (["new", "planner", "class"], "no word of Python"),
+    (["help", "columns", "success"], "one word at a time; type python -m rhs help success")])
 def test_a_command_typed_wrong_is_one_line(words, says, capsys):
     assert main(words) == 2
     told = capsys.readouterr().err
