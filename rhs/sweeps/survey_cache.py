@@ -1,9 +1,10 @@
 """Surveys kept on the disk, so that a later sweep does not lead them again.
 
-A file's name is a hash of all that its survey depends on (`key_of`); it holds a pickle, and a digest of it, so that one
-that was cut or changed is led anew. Files are written whole and renamed, and the one that was used longest ago goes first:
-any number of processes may read, write and clear at the same time. A pickle is code: only files that are this user's own,
-in a folder of his own, that nobody else may write to, are read.
+A file's name is a hash of what its survey depends on (`key_of`); its first line says which code the process had loaded that
+led it, by size and time of the files, and where one has changed, or the pickle below was cut, the survey is led anew. Files
+are written whole and renamed, and the one that was used longest ago goes first: any number of processes may read, write and
+clear at the same time. A pickle is code: only files that are this user's own, in a folder of his own, that nobody else may
+write to, are read.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import logging
 import os
 import pickle
 import sys
+import sysconfig
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -23,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from rhs.api.files import replacing
 from rhs.api.frozen import freeze
 from rhs.base.errors import ConfigError, RhsError
-from rhs.base.provenance import code_hash, versions
+from rhs.base.provenance import versions
 from rhs.config import registry
 from rhs.worlds.random.names import is_random
 
@@ -36,8 +38,10 @@ logger = logging.getLogger("rhs.sweeps")
 FOLDER, MOST_MB = "RHS_CACHE", "RHS_CACHE_MB"  # variables of the environment: where, and how much (0: nothing is kept)
 DEFAULT_MB = 2000.0
 ENDING = ".survey"
-DIGEST_BYTES = 32
-PACKING = 1  # a third of the size, for a third of the time that pickling takes besides
+PACKING = 1  # zstd's level, as of recordings
+HERE = Path(__file__).resolve().parents[1]  # rhs
+INSTALLED = {"site-packages", "dist-packages"}  # folders of what is known by its version
+STANDARD = Path(sysconfig.get_path("stdlib"))
 
 
 def cache_folder() -> Path:
@@ -65,38 +69,31 @@ def building_read(config: RunConfig) -> World | None:
 
 
 def key_of(config: RunConfig, building: World | None) -> str | None:
-    """The name of the survey that a run begins with: a hash of its settings, of the building, of the files that are named
-    in it, of the code of its parts and of what is installed. None: of a survey that is not shared, or of whose parts' code
-    less than all is known (those registered by hand)."""
+    """The name of the survey that a run begins with: a hash of its settings, of the building, of the files that settings
+    name, of what is installed and where rhs is. None: of a survey that is not shared, or of parts registered by hand."""
     from rhs.patrol.shared import survey_values
-    from rhs.patrol.shared_survey import LATER
 
     values = survey_values(config)
-    if values is None:
-        return None
-    chosen = {"task": config.task.name, **{kind: one.name for kind, one in config.parts.items() if kind not in LATER}}
-    origins = [origin for kind, name in chosen.items() for origin in registry.origins(kind, name)]
-    code = {name: code_hash(name) for name in {"rhs", *(one.value.partition(":")[0].partition(".")[0] for one in origins)}}
-    if any(origin.file for origin in origins) or not all(code.values()):
+    if values is None or any(origin.file for origin in _origins(config, later=False)):
         return None
     read = b"" if building is None else pickle.dumps(replace(building, path=Path()))
-    known = [values, sorted(code.items()), versions(), _installed(), sorted(_stamps(values)), _digest(read).hex()]
-    return _digest(json.dumps(known, sort_keys=True).encode()).hex()[:32]
+    known = [values, versions(), _installed(), str(HERE), sorted(_stamps(values)), hashlib.sha256(read).hexdigest()]
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def load(key: str) -> SharedSurvey | None:
-    """The survey of this name, as it was led; None where it is not kept or cannot be read."""
+    """The survey of this name, as it was led; None where it is not kept, cannot be read, or its code has changed since."""
     import zstandard
 
     path = cache_folder() / (key + ENDING)
     try:
         for one in (path.parent, path):
             check_own(one)
-        content = path.read_bytes()
-        if _digest(memoryview(content)[DIGEST_BYTES:]) != content[:DIGEST_BYTES]:
-            raise ValueError("the file was cut or changed")
-        plain = zstandard.ZstdDecompressor().decompress(memoryview(content)[DIGEST_BYTES:])
-        shared: SharedSurvey = pickle.loads(plain)  # noqa: S301 (see check_own)
+        code, _, packed = path.read_bytes().partition(b"\n")
+        if changed := [name for name, *before in json.loads(code) if _stamp(Path(name)) != tuple(before)]:
+            logger.info("the survey is led anew: %s has changed", changed[0])
+            return None
+        shared: SharedSurvey = pickle.loads(zstandard.ZstdDecompressor().decompress(packed))  # noqa: S301 (see check_own)
         os.utime(path)
     except FileNotFoundError:
         return None
@@ -115,25 +112,43 @@ def check_own(path: Path) -> None:
         raise RhsError(f"{path} is another user's, or others may write to it: chmod go-w it, or set {FOLDER}")
 
 
-def keep(key: str, shared: SharedSurvey) -> None:
-    """Keep a survey, and make room for it. Does nothing where a part cannot be pickled or nothing may be written."""
+def keep(key: str, config: RunConfig, shared: SharedSurvey) -> None:
+    """Keep a survey that this process led, and make room for it. Does nothing where a part cannot be pickled or nothing may
+    be written."""
     import zstandard
 
     folder = cache_folder()
     if shared.drawn:
         return
     try:
-        content = zstandard.ZstdCompressor(level=PACKING).compress(pickle.dumps(shared, pickle.HIGHEST_PROTOCOL))
+        packer = zstandard.ZstdCompressor(level=PACKING, write_checksum=True)
+        packed = packer.compress(pickle.dumps(shared, pickle.HIGHEST_PROTOCOL))
     except Exception as error:  # parts may hold what belongs to this process
         logger.info("the survey is not kept for other sweeps: %s", error)
         return
     with suppress(OSError, RhsError):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        if 1e-6 * len(content) <= most_mb():
-            clear(most_mb() - 1e-6 * len(content))
+        if 1e-6 * len(packed) <= most_mb():
+            clear(most_mb() - 1e-6 * len(packed))
             with replacing(folder / (key + ENDING), "wb") as file:
-                file.write(_digest(content))
-                file.write(content)
+                file.write(json.dumps(sorted(code_of(config))).encode() + b"\n")
+                file.write(packed)
+
+
+def code_of(config: RunConfig) -> Iterator[tuple[str, int, int]]:
+    """Path, size and time of the files of all code that this process has loaded and that may be edited: of rhs, of the
+    survey's parts, and of all else outside of Python and what is installed in it; not of the parts that come later."""
+    own, later = ({one.value.partition(":")[0].partition(".")[0] for one in _origins(config, later=after)}
+                  for after in (False, True))
+    own.add("rhs")
+    for name, module in list(sys.modules.items()):
+        file, top = getattr(module, "__file__", None), name.partition(".")[0]
+        if not isinstance(file, str) or top in later - own:
+            continue
+        path = Path(file)
+        if top in own or not (INSTALLED & {*path.parts} or path.is_relative_to(STANDARD)):
+            with suppress(OSError):
+                yield (file, *_stamp(path))
 
 
 @dataclass(frozen=True)
@@ -173,8 +188,12 @@ def _files() -> list[tuple[float, int, Path]]:
     return found
 
 
-def _digest(content: bytes | memoryview) -> bytes:
-    return hashlib.blake2b(content, digest_size=DIGEST_BYTES).digest()
+def _origins(config: RunConfig, *, later: bool) -> list[registry.Origin]:
+    """Where the parts are from that a survey asks, or those that come later."""
+    from rhs.patrol.shared_survey import LATER
+
+    chosen = {"task": config.task.name, **{kind: one.name for kind, one in config.parts.items()}}
+    return [origin for kind, name in chosen.items() if (kind in LATER) is later for origin in registry.origins(kind, name)]
 
 
 def _installed() -> list[str]:
@@ -188,6 +207,12 @@ def _stamps(value: Any) -> Iterator[tuple[str, int, int]]:
         yield from _stamps(one)
     if isinstance(value, str) and 0 < len(value) < 1000:
         with suppress(OSError, ValueError):
-            path = Path(value).expanduser()
+            path = Path(value).expanduser().resolve()
             if path.is_file():
-                yield str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns
+                yield (str(path), *_stamp(path))
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Bytes, and nanoseconds of the last change. Raises OSError."""
+    about = path.stat()
+    return about.st_size, about.st_mtime_ns

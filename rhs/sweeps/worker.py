@@ -108,7 +108,7 @@ def kept_survey(config: RunConfig, log: Path, told: Callable[[], None],
     if (shared := survey_cache.load(key)) is not None:
         told()
         return shared, None, building
-    return None, lambda led: survey_cache.keep(key, replace(led, said=log_text(log))), building
+    return None, lambda led: survey_cache.keep(key, config, replace(led, said=log_text(log))), building
 
 
 def empty(folder: Path) -> None:

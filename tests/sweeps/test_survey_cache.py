@@ -22,8 +22,8 @@ CHAIN = [word for word in CHOICE if not word.startswith(("localiser=", "odometry
 SWEEP = [*CHAIN, "localiser=fake", "odometry=fake", "planner.samples=5,6,7"]
 
 
-def rhs(folder: Path, *words: str) -> str:
-    env = environment(FAKES, RHS_CACHE=str(folder / "cache"), RHS_CACHE_MB="100")
+def rhs(folder: Path, *words: str, site: Path = FAKES) -> str:
+    env = environment(site, RHS_CACHE=str(folder / "cache"), RHS_CACHE_MB="100")
     return subprocess.run([sys.executable, "-m", "rhs", "-m", *words, "--jobs", "2"], cwd=folder, env=env, timeout=200,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True).stdout
 
@@ -76,6 +76,30 @@ def test_a_file_that_was_changed_is_led_anew_and_replaced(first, tmp_path):
     said = rhs(tmp_path, *SWEEP, "output=s")
     assert "3 jobs: 3 ok" in said and "earlier" not in said, said
     assert hashes(tmp_path / "s") == hashes(first / "a") and (cache / kept.name).read_bytes()[-1:] != b"!"
+
+
+def test_code_that_was_edited_leads_anew_but_for_parts_that_come_later(tmp_path):
+    """A module that nobody names, which the source's module imports, and another package's planner."""
+    site = shutil.copytree(FAKES, tmp_path / "site")
+    (site / "helper.py").write_text("STEP = 1\n")
+    parts = (site / "rhs_fakes" / "parts.py").read_text()
+    (site / "late_package.py").write_text(parts.replace("from .", "from rhs_fakes."))
+    room = site / "rhs_fakes" / "room.py"
+    room.write_text(room.read_text().replace("import os\n", "import os\nimport helper\n", 1))
+    points = site / "rhs_fakes-0.1.dist-info" / "entry_points.txt"
+    points.write_text(points.read_text().replace("[rhs.planner]", "[rhs.planner]\nlate = late_package:FakePlanner"))
+    words = [*(word for word in CHAIN if not word.startswith("planner=")), "localiser=fake", "odometry=fake", "planner=late"]
+
+    def led_before(output: str) -> bool:
+        said = rhs(tmp_path, *words, f"output={output}", site=site)
+        assert "1 jobs: 1 ok" in said, said
+        return "had been led by earlier sweeps" in said
+
+    assert [led_before("a"), led_before("b")] == [False, True]
+    (site / "late_package.py").write_text((site / "late_package.py").read_text() + "\n")
+    assert led_before("c")
+    (site / "helper.py").write_text("STEP = 2  # metres\n")
+    assert [led_before("d"), led_before("e")] == [False, True]
 
 
 def test_nothing_is_read_that_others_may_write_to(first, tmp_path, monkeypatch, caplog):
