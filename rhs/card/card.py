@@ -73,10 +73,7 @@ def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None)
     if kind not in (*KINDS, DEGRADE, SLAM):
         raise ConfigError(f"card: a {kind} has no card; there is one for {', '.join([*KINDS, DEGRADE, SLAM])}")
     tell("contract")
-    content: dict[str, Any] = {
-        "part": f"{kind}={name}", "from": " and ".join(origin.distribution for origin in registry.origins(kind, name)),
-        "settings": plain_settings.plain(settings), "commit": commit(), "versions": versions(),
-        "contract": contract(kind, settings)}
+    content = about(kind, name, settings)
     card = Card(content)
     if kind in MEASURED:
         measure(card, kind, {name: settings} | references(kind, name), tell)
@@ -85,6 +82,13 @@ def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None)
         content.get("ended", {}).get(part) for part in [content["part"]])
     card.content = without_nan(content)
     return card
+
+
+def about(kind: str, name: str, settings: Any) -> dict[str, Any]:
+    """What every card says of a part: what it is, and whether it keeps its contract."""
+    return {"part": f"{kind}={name}", "from": " and ".join(origin.distribution for origin in registry.origins(kind, name)),
+            "settings": plain_settings.plain(settings), "commit": commit(), "versions": versions(),
+            "contract": contract(kind, settings)}
 
 
 def contract(kind: str, settings: Any, tell: Callable[[dict[str, Any]], None] = lambda one: None) -> list[dict[str, Any]]:
@@ -134,10 +138,7 @@ def measure(card: Card, kind: str, parts: dict[str, Any], tell: Tell) -> None:
 
 def verdict(content: dict[str, Any]) -> list[str]:
     """What the card says, in sentences."""
-    failed = [one for one in content["contract"] if not one["holds"]]
-    count = len(content["contract"])
-    said = [f"breaks its contract in {len(failed)} of {count} checks: {', '.join(one['check'] for one in failed)}" if failed
-            else f"keeps its contract ({count} checks)"]
+    said = [of_contract(content)]
     ended = content.get("ended", {}).get(content["part"])
     if "faults" in content:
         faults = [f"{one['says']} ({one['times']} of {content['answers']} answers: {one['questions'][0]})"
@@ -169,6 +170,14 @@ def verdict(content: dict[str, Any]) -> list[str]:
             said.append(f"half is lost at {one['dial']}={one['breaks_at']:g}")
     return said + [f"beside it, {part} did not come to its end: {why}" for part, why in content.get("ended", {}).items()
                    if why and part != content["part"]]
+
+
+def of_contract(content: dict[str, Any]) -> str:
+    """Whether it keeps its contract, in a sentence."""
+    failed = [one["check"] for one in content["contract"] if not one["holds"]]
+    count = len(content["contract"])
+    return (f"breaks its contract in {len(failed)} of {count} checks: {', '.join(failed)}" if failed
+            else f"keeps its contract ({count} checks)")
 
 
 def without_nan(value: Any) -> Any:

@@ -6,11 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rhs.api import settings as plain_settings
 from rhs.base.errors import ConfigError, PluginError
-from rhs.base.provenance import commit, versions
 from rhs.card import recordings
-from rhs.card.card import Card, contract, without_nan
+from rhs.card.card import Card, about, of_contract, without_nan
 from rhs.config import registry
 from rhs.sweeps.job import Job, Limits
 from rhs.sweeps.jobs import processors
@@ -29,34 +27,35 @@ def card_on(kind: str, name: str, settings: Any, own: Sequence[str], question: S
         raise ConfigError(f"card {kind}={name}: on recordings there are cards of {' and '.join(recordings.COLUMNS)}; leave "
                           "out source=, for its card on the standard set")
     jobs, why_not = jobs_of(kind, name, own, question)
-    every = [job for each in jobs.values() for job in each]
-    with running(len(every)) as tell:
-        rows = dict(zip([job.name for job in every], kept_rows(every, folder / RUNS, Limits(processors()), tell=tell),
-                        strict=True))
-    mine = f"{kind}={name}"
-    found = {part: [_row(kind, rows, one, None if part == mine else own_one, folder / RUNS)
+    mine, runs = f"{kind}={name}", folder / RUNS
+    rows = _rows(jobs[mine], runs)
+    if all(row["status"] == "refused" for row in rows.values()):
+        raise ConfigError(str(next(iter(rows.values()))["reason"]))
+    rows |= _rows([job for part, each in jobs.items() if part != mine for job in each], runs)
+    found = {part: [_row(kind, rows, one, None if part == mine else own_one, runs)
                     for one, own_one in zip(each, jobs[mine], strict=True)] for part, each in jobs.items()}
-    why_not |= {part: str(each[0].get("reason") or each[0]["status"]) for part, each in found.items()
-                if part != mine and not any(row["status"] == "ok" for row in each)}
-    found = {part: each for part, each in found.items() if part == mine or any(row["status"] == "ok" for row in each)}
+    broken = [part for part, each in found.items() if part != mine and all(row["status"] != "ok" for row in each)]
+    why_not |= {part: str(found[part][0].get("reason") or found[part][0]["status"]) for part in broken}
+    found = {part: each for part, each in found.items() if part not in broken}
     own_rows = dict(zip(called(jobs[mine]), found[mine], strict=True))
-    if all(row["status"] == "refused" for row in found[mine]):
-        raise ConfigError(str(found[mine][0]["reason"]))
-    checked = contract(kind, settings)
-    failed = [one["check"] for one in checked if not one["holds"]]
-    content: dict[str, Any] = {
-        "part": mine, "from": " and ".join(origin.distribution for origin in registry.origins(kind, name)),
-        "settings": plain_settings.plain(settings), "commit": commit(), "versions": versions(), "contract": checked,
+    content = about(kind, name, settings)
+    content |= {
         "set_title": "On your recordings", "standard_set": f"python -m rhs -m {' '.join(typed(kind, question))}",
         "columns": recordings.meanings(kind), "rooms_title": "Recording by recording",
         "figures": {part: recordings.figures(kind, each) for part, each in found.items()},
         "rooms": {one: recordings.figures(kind, [row]) for one, row in own_rows.items()},
-        "verdict": [f"breaks its contract in {len(failed)} of {len(checked)} checks: {', '.join(failed)}" if failed
-                    else f"keeps its contract ({len(checked)} checks)", *recordings.sentences(kind, own_rows),
+        "verdict": [of_contract(content), *recordings.sentences(kind, own_rows),
                     *(f"not beside it, {part}: {why.partition('; type')[0]}" for part, why in why_not.items())],
-        "passes": not failed and all(row["status"] == "ok" for row in own_rows.values())}
-    runs = {part: [folder / RUNS / job.name for job in jobs[part]] for part in found}
-    return Card(without_nan(content), pictures=recordings.pictures(kind, mine, runs))
+        "passes": all(each["holds"] for each in content["contract"])
+        and all(row["status"] == "ok" for row in own_rows.values())}
+    shown = {part: [runs / job.name for job in jobs[part]] for part in found}
+    return Card(without_nan(content), pictures=recordings.pictures(kind, mine, shown))
+
+
+def _rows(jobs: Sequence[Job], folder: Path) -> dict[str, Any]:
+    """The row of each run by name, under a bar; what ended is not run again."""
+    with running(len(jobs)) as tell:
+        return dict(zip([job.name for job in jobs], kept_rows(jobs, folder, Limits(processors()), tell=tell), strict=True))
 
 
 def typed(kind: str, question: Sequence[str]) -> list[str]:
