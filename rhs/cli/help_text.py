@@ -55,7 +55,7 @@ Options
 
 A part is chosen by kind=name, a setting by key=value; a sweep takes key=1,2,3, 'key=range(10)' and 'planner=glob(*)'.
 Words of a sweep: engine=NAME, where its jobs run; keep=all|failures|none, whose folders stay (failures above 1000 jobs);
-share=false, jobs that differ only after the survey do not share one; cache=false, nor take one from earlier sweeps.
+share=false, jobs share neither survey nor views; cache=false, nor take one from earlier sweeps.
 Exit codes: 0 done, 1 failed, 2 refused before anything ran, 3 finished but something failed, 130 and 143 interrupted.
 """
 

@@ -102,6 +102,12 @@ class PatrolJob(StepJob):
         return survey
 
 
+def world_of(settings: Survey, context: RunContext) -> World | None:
+    """The building, and what is put into it when a patrol begins; None for a recording."""
+    world = context.floor_plan()
+    return since_survey(world, settings, context.seed) if world is not None and isinstance(settings, Patrol) else world
+
+
 def since_survey(world: World, settings: Patrol, seed: int) -> World:
     """The world with all that is otherwise when the patrol begins. Raises ConfigError for what cannot stand there."""
     world = with_people(with_obstacles(world, settings.obstacles, at_start=explores(settings)), settings.people)

@@ -18,7 +18,7 @@ from rhs.api.records import Belief, Capture, Event, Motion, Observation, Path, S
 from rhs.api.validate import check_belief, check_motion, reach_of
 
 from .ahead import Ahead
-from .eyes import Eyes, Looked
+from .eyes import Eyes, Looked, Remembered
 from .gate import GatedOdometry
 
 
@@ -51,7 +51,7 @@ class Pilot(Protocol):
 
 def steps(source: Source, sensor: Sensor, odometry: Odometry, pilot: Pilot, *, first_index: int = 0,
           after_s: float = -np.inf, who: Mapping[str, str] | None = None,
-          eyes: Eyes | Ahead | None = None) -> Iterator[Step]:
+          eyes: Eyes | Ahead | Remembered | None = None) -> Iterator[Step]:
     """Yield one Step per view until the pilot stops. What a part hands over is checked before it goes on (rhs.api.validate).
 
     after_s: stamp of the last view before. who: kind -> the part as a person typed it, for errors. eyes: that take the views

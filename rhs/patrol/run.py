@@ -32,29 +32,29 @@ from rhs.worlds.world import load_world
 
 from .ahead import Ahead, looks_ahead, wants_ahead
 from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
-from .eyes import Eyes
+from .eyes import Eyes, Remembered
 from .loop import Led, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
 if TYPE_CHECKING:
     from rhs.reports.beside import Drawer
 
-    from .shared_survey import SharedSurvey
+    from .shared_survey import DrawnViews, SharedSurvey
 
     Keep = Callable[[SharedSurvey], None]
 
 
 def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
                shared: SharedSurvey | None = None, keep: Keep | None = None,
-               building: World | None = None) -> dict[str, Any]:
+               building: World | None = None, drawn: DrawnViews | None = None) -> dict[str, Any]:
     """Run one experiment in `folder` and return its row, which is also written there whatever the outcome.
 
     Raises ConfigError, before anything ran, for what can be refused. A failure later is a row with a reason; the
     exception that caused it is chained to the returned row under the key `_cause` and not written. shared: the survey
     that this run begins with, led already. keep: is given the survey that this run leads.
-    building: where it was read already.
+    building: where it was read already. drawn: the views of the survey, where they were.
     """
-    steps = run_steps(config, folder, watch, shared=shared, keep=keep, building=building, alone=True)
+    steps = run_steps(config, folder, watch, shared=shared, keep=keep, building=building, drawn=drawn, alone=True)
     while True:
         try:
             next(steps)
@@ -65,12 +65,13 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
 
 def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
               shared: SharedSurvey | None = None, keep: Keep | None = None,
-              building: World | None = None, alone: bool = False) -> Generator[Step, None, dict[str, Any]]:
+              building: World | None = None, drawn: DrawnViews | None = None,
+              alone: bool = False) -> Generator[Step, None, dict[str, Any]]:
     """The same, one step at a time where the task has steps; the row is the generator's value. alone: nobody else computes
     between the steps."""
     keep_freed_memory()
     check_live(config.live)
-    run, process = RunContext(config, folder, watch, shared, keep, building), os.getpid()
+    run, process = RunContext(config, folder, watch, shared, keep, building, drawn), os.getpid()
     row: dict[str, Any] = identity(config)
     begin_row(folder, row)
     row |= {"commit": commit(), "versions": versions()}
@@ -180,15 +181,16 @@ class RunContext:
     """A run under way, as its task sees it (rhs.api.task.TaskContext)."""
 
     def __init__(self, config: RunConfig, folder: Path, watch: Watch, shared: SharedSurvey | None = None,
-                 keep: Keep | None = None, building: World | None = None) -> None:
+                 keep: Keep | None = None, building: World | None = None, drawn: DrawnViews | None = None) -> None:
         self.config, self.folder, self._watch, self.shared, self.keep = config, folder, watch, shared, keep
         self.seed, self.world, self.features = config.seed, config.world, config.features
         self.building = building  # as it was read already
+        self.views = drawn  # of the survey, by the parts that drew them
         self.log: RunLog | None = None
         self.drawer: Drawer | None = None
         self.begun = False  # from here on a failure is a row
         self._built: list[Parts] = []
-        self._eyes: list[Eyes | Ahead] = []
+        self._eyes: list[Eyes | Ahead | Remembered] = []
         self._parts: dict[str, object] = {}  # kind -> part, as built last
         self.began_s = time.perf_counter() - (0.0 if shared is None else shared.took_s)
         self.looks_for_draws = False
@@ -232,7 +234,7 @@ class RunContext:
             chosen[kind] = Chosen(chosen[kind].name, replace(chosen[kind].settings, **values))
         parts = build(chosen, seed=self.seed if seed is None else seed, folder=self.folder, features=self.features,
                       world=self.floor_plan() if world is None else world,
-                      made=None if self.shared is None else self.shared.parts)
+                      made=next((led.parts for led in (self.shared, self.views) if led is not None), None))
         self._built.append(parts)
         self._parts |= {kind: getattr(parts, kind) for kind in chosen if hasattr(parts, kind)}
         let_go_of_compiler()
@@ -245,9 +247,11 @@ class RunContext:
 
     def lead(self, parts: Parts) -> Iterator[Step]:
         led = Led(se2(*parts.source.facts.start), parts.mapper, parts.slam)
+        ahead = self.views is None and looks_ahead(self.config.ahead, parts.source, parts.sensor)
         in_line = Eyes(parts.source, parts.sensor, parts.who)
-        ahead = looks_ahead(self.config.ahead, parts.source, parts.sensor)
-        eyes = Ahead(in_line) if ahead else in_line
+        eyes: Eyes | Ahead | Remembered = Ahead(in_line) if ahead else in_line
+        if self.views is not None:
+            eyes = Remembered(self.views.seen)
         grant(ahead)
         self._eyes.append(eyes)
         return steps(parts.source, parts.sensor, parts.odometry, led, who=parts.who, eyes=eyes)
@@ -315,7 +319,7 @@ class RunContext:
 
     def forget_parts(self) -> None:
         """Let the parts and all that they hold go: what follows looks at files."""
-        self._built, self._parts, self._eyes, self.shared = [], {}, [], None
+        self._built, self._parts, self._eyes, self.shared, self.views = [], {}, [], None, None
         self.hand_back()
 
     def hand_back(self) -> None:

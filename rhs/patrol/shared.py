@@ -2,7 +2,8 @@
 
 A process leads the survey; a process forked from it for each run goes on as if it had led it itself (rhs.sweeps.leader).
 Parts draw from generators of their own, spawned by name, so that no survey depends on the planner, localiser or replan
-part built after it: rows are those of runs alone.
+part built after it: rows are those of runs alone. And one set of views for several surveys that differ in their odometry,
+loop closer or mapper, where the way of a survey depends on no estimate.
 """
 
 from __future__ import annotations
@@ -15,19 +16,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from rhs.api.contracts import DEGRADE, SLAM
 from rhs.api.floorplan import World
+from rhs.api.records import Observation
 from rhs.base.errors import RhsError
 from rhs.base.memory import keep_freed_memory
 from rhs.config.compose import OUTPUTS, RunConfig, to_plain
 from rhs.runfolder.steps_csv import PARTIAL
 
-from .job import PatrolJob, lead_survey
+from .ahead import looks_ahead, settled
+from .eyes import Eyes, Looked
+from .job import PatrolJob, lead_survey, world_of
 from .observers import unwatched
 from .run import RunContext
-from .shared_survey import LATER, Leading, SharedSurvey
-from .tasks import Patrol, explores
+from .shared_survey import LATER, DrawnViews, Leading, SharedSurvey
+from .tasks import Patrol, Survey, explores
 
 AFTER = (*LATER, "mission", *(name for name in OUTPUTS if name != "recording"))  # what a survey does not depend on
+
+ESTIMATING = ("odometry", "loop_closer", "mapper", "gate", "places", "camera_fit")  # nor its views, if it is led
+MOST_MB = 600  # of views at a time
 
 
 def survey_key(config: RunConfig) -> str | None:
@@ -47,13 +55,57 @@ def survey_values(config: RunConfig) -> dict[str, Any] | None:
     return {name: value for name, value in to_plain(config).items() if name not in AFTER}
 
 
-def lead_shared(config: RunConfig, folder: Path, building: World | None = None) -> SharedSurvey:
-    """Lead the survey that a run of `config` begins with. building: where it was read already. Raises what the run would
-    have ended with, and RhsError where the parts cannot be shared by fork."""
+def views_key(config: RunConfig) -> str | None:
+    """16 hex digits, the same for runs whose survey shows the same views; None: of a run that does not share them, because a
+    recording's are read, what an explorer sees depends on its estimates, or a SLAM is in the place of several parts."""
+    settings = config.task.settings
+    if type(settings) not in (Survey, Patrol) or not config.driving or explores(settings) or SLAM in config.parts:
+        return None
+    values = {name: value for name, value in to_plain(config).items() if name not in (*AFTER, *ESTIMATING, "recording")}
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def draw_views(config: RunConfig, folder: Path) -> DrawnViews:
+    """The views of the survey that a run of `config` begins with. Raises what its source or sensor does, and RhsError where
+    their views cannot be shared."""
+    keep_freed_memory()
+    before = _held()
+    kinds = {kind: chosen for kind, chosen in config.parts.items() if kind in ("source", "sensor", DEGRADE)}
+    context = RunContext(replace(config, parts=kinds, live=""), folder, unwatched)
+    parts = context.parts(world=world_of(config.task.settings, context))
+    if not looks_ahead("on", parts.source, parts.sensor):
+        raise RhsError("its source or sensor wants to be asked view by view")
+    eyes = Eyes(parts.source, parts.sensor, parts.who)
+    seen: list[Looked | None] = []
+    while (looked := eyes(parts.source.lead)) is not None:
+        capture = replace(looked.capture, image=None, depth=None, scan=None, extras={})
+        seen.append(replace(looked, capture=capture, judged=settled(looked.judged)[0]))
+        size_mb = 1e-6 * _bytes(looked.observation) * max(len(seen), parts.source.views_expected or 0)
+        if size_mb > MOST_MB:
+            raise RhsError(f"{size_mb:.0f} MB of views are too many to be kept")
+    if drawn := context.drawn():
+        raise RhsError(f"its source or sensor draws from the global generator of {' and '.join(sorted(drawn))}")
+    _check_forkable(before, folder)
+    return DrawnViews(parts, seen)
+
+
+def _bytes(observation: Observation) -> int:
+    """What its arrays take."""
+    arrays = [observation.image, observation.depth, *observation.extras.values()]
+    if observation.scan is not None:
+        arrays += [observation.scan.ranges_m, observation.scan.bearings_rad]
+    return sum(array.nbytes for array in arrays if array is not None)
+
+
+def lead_shared(config: RunConfig, folder: Path, building: World | None = None, drawn: DrawnViews | None = None,
+                ) -> SharedSurvey:
+    """Lead the survey that a run of `config` begins with. building: where it was read already. drawn: its views, where they
+    were. Raises what the run would have ended with, and RhsError where the parts cannot be shared by fork."""
     keep_freed_memory()
     before = _held()
     parts = {kind: chosen for kind, chosen in config.parts.items() if kind not in LATER}
-    context = RunContext(replace(config, parts=parts, recording="off", live=""), folder, unwatched, building=building)
+    context = RunContext(replace(config, parts=parts, recording="off", live=""), folder, unwatched, building=building,
+                         drawn=drawn)
     job: PatrolJob = config.task.settings.build(context)
     log = context.open_log(job.parts, job.world)
     leading = Leading(context, log, recorded=config.recording != "off")
@@ -85,4 +137,4 @@ def _check_forkable(before: tuple[int, set[str]], folder: Path) -> None:
     more = {file for file in files - before[1] if not file.endswith("/fd") and PARTIAL not in file
             and not (nameless in file and file.endswith("(deleted)"))}
     if threads > before[0] or more:
-        raise RhsError(f"the survey is not shared: its parts keep {threads - before[0]} threads and {sorted(more)} open")
+        raise RhsError(f"not shared: its parts keep {threads - before[0]} threads and {sorted(more)} open")

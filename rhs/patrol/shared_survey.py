@@ -13,6 +13,7 @@ from rhs.api.task import Parts
 from rhs.estimation.survey import Survey as Surveyed
 
 if TYPE_CHECKING:
+    from .eyes import Looked
     from .observers import RunLog
     from .run import RunContext
 
@@ -54,6 +55,15 @@ class SharedSurvey:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(content)
         return self.survey
+
+
+@dataclass(frozen=True)
+class DrawnViews:
+    """The views of a survey whose way depends on no estimate, for runs that differ in what they make of them. parts: source
+    and sensor, which stand at its end. seen: each is let go where it is taken from."""
+
+    parts: Parts
+    seen: list[Looked | None]
 
 
 class Leading:

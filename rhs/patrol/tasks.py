@@ -67,10 +67,10 @@ class Survey(PartSettings):
     kinds: ClassVar[tuple[str, ...]] = ("source", "sensor", "odometry", "loop_closer", "mapper")
 
     def build(self, context: RunContext) -> PatrolJob:
-        from .job import PatrolJob
+        from .job import PatrolJob, world_of
 
         context.draw_beside()
-        return PatrolJob(self, context, context.floor_plan())
+        return PatrolJob(self, context, world_of(self, context))
 
 
 @dataclass
@@ -102,13 +102,6 @@ class Patrol(Survey):
             check_range("obstacles", "width_m", box[2], low=0.01, high=1000.0, unit="m")
             check_range("obstacles", "depth_m", box[3], low=0.01, high=1000.0, unit="m")
         walkers(self.people)
-
-    def build(self, context: RunContext) -> PatrolJob:
-        from .job import PatrolJob, since_survey
-
-        context.draw_beside()
-        world = context.floor_plan()
-        return PatrolJob(self, context, None if world is None else since_survey(world, self, context.seed))
 
 
 @dataclass

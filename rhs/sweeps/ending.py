@@ -35,7 +35,7 @@ LINGER_S = 2.0  # a job that has written its row has so long to end
 @dataclass
 class Running:
     """done: hears the server's process number, and True when the row is written. group: of a job that shares its survey.
-    leads: the process is not the job's, it leads its survey."""
+    leads: the process is not the job's, it leads its survey, or draws its views: then the job goes on with group `then`."""
 
     job: Job
     folder: Path
@@ -44,6 +44,7 @@ class Running:
     started: float
     group: Group | None = None
     leads: bool = False
+    then: Group | None = None
     verdict: tuple[str, str] | None = None  # why it was told to stop: status and reason
     told: float = 0.0
     server: int = 0
@@ -102,8 +103,8 @@ def ended(one: Running, keep: Sequence[int]) -> None:
         with contextlib.suppress(OSError):
             os.killpg(pid, signal.SIGKILL)  # its group outlives it, and its number is not given away meanwhile
     one.process.join(GRACE_S)
-    leader = one.group is not None and one.group.alive and one.server == one.group.process.pid
-    if leader or one.server in children(os.getpid()):
+    known = [group for group in (one.group, one.group and one.group.views) if group is not None and group.alive]
+    if one.server in [group.process.pid for group in known] or one.server in children(os.getpid()):
         kill_strays(one.server, keep)
 
 

@@ -34,7 +34,7 @@ from rhs.runfolder.folders import job_folder
 
 from .ending import GRACE_S, LOST, TOO_MUCH, Running, ended, over, row_of
 from .job import Job, Limits, Outcome, alike
-from .leader import Forked, lead
+from .leader import Forked, draw, lead
 from .turns import Group, Turns
 from .worker import COMPILING, JOB_LOG, Task, work
 
@@ -86,7 +86,7 @@ class _Pool:
         self.sweep, self.limits, self.tell = sweep, limits, tell
         for path in sweep.glob(".survey-*"):  # what a sweep that was killed left
             shutil.rmtree(path, ignore_errors=True)
-        self.turns = Turns(coming, share=limits.share)
+        self.turns = Turns(coming, share=limits.share, workers=limits.jobs)
         self.next: list[tuple[Job, Group | None]] = []  # to be started when those that run allow it
         self.running: list[Running] = []
         self.left = _left_by_key(sweep)
@@ -114,10 +114,13 @@ class _Pool:
         return bool(self.next)
 
     def _try(self, job: Job, group: Group | None, began: float) -> None:
-        """Start a job, or what leads the survey that it shares with others. began: when its time began to count."""
+        """Start a job, or what leads the survey or draws the views that it shares with others. began: when its time began to
+        count."""
         self.tries[job.name] += 1
         try:
-            if group is not None and group.process is None:
+            if group is not None and group.views is not None and group.views.process is None:
+                self.running.append(self._lead(job, group.views, group))
+            elif group is not None and group.process is None and group.jobs:
                 self.running.append(self._lead(job, group))
             else:
                 self.running.append(self._start(job, group, began))
@@ -134,24 +137,30 @@ class _Pool:
         folder.mkdir(parents=True)
         process: multiprocessing.process.BaseProcess | Forked
         ours, theirs = self.context.Pipe(duplex=False)
+        group = group if group is None or group.orders is not None else group.views
         if group is None or group.orders is None:
             process = self._process(work, self._task(job), str(folder), self.lifeline, theirs)
         else:
-            process = Forked(group.orders, self._task(job), folder, theirs)
+            process = Forked(group.orders, work, self._task(job), folder, theirs)
             group.running.add(job.name)
         theirs.close()
         return Running(job, folder, process, ours, began, group)
 
-    def _lead(self, job: Job, group: Group) -> Running:
-        """Have the survey led that this job shares with others. It counts as the job while it is led."""
-        folder = self.sweep / f".survey-{job.key}"
+    def _lead(self, job: Job, group: Group, then: Group | None = None) -> Running:
+        """Have the survey led that this job shares with others, or, if `then` it goes on with a group, the views drawn. That
+        counts as the job meanwhile."""
+        folder = self.sweep / f".survey-{job.key}{'-views' if then else ''}"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         group.folder = folder
         group.orders, theirs = self.context.Pipe(duplex=True)
-        group.process = self._process(lead, self._task(job), str(folder), self.lifeline, theirs)
+        if group.views is not None and group.views.orders is not None:
+            group.process = Forked(group.views.orders, lead, self._task(job), folder, theirs)
+        else:
+            group.process = self._process(draw if then else lead, self._task(job), str(folder), self.lifeline, theirs)
         theirs.close()
-        return Running(job, job_folder(self.sweep, job.name), group.process, group.orders, time.monotonic(), group, True)
+        began = time.monotonic()
+        return Running(job, job_folder(self.sweep, job.name), group.process, group.orders, began, group, True, then)
 
     def _task(self, job: Job) -> Task:
         return task_of(job, cache=self.limits.cache)
@@ -175,18 +184,24 @@ class _Pool:
             self.tell(one.job, COMPILING)
 
     def _led(self, one: Running) -> None:
-        """A survey is led: the job that it counted as goes on. One that failed is left to each of the jobs alone."""
+        """A survey is led, or its views are drawn: the job that it counted as goes on. What failed is left to each alone."""
         assert one.group is not None
         self.outcome.kept += one.kept
         if one.group.ready:
             self.tries[one.job.name] -= 1
-            self._try(one.job, one.group, one.started)
+            self._try(one.job, one.then or one.group, one.started)
             return
         ended(one, self._others())
         said = one.verdict[1] if one.verdict else last_line(one.group.folder or one.folder) or f"exit {one.process.exitcode}"
         with contextlib.suppress(OSError), (self.sweep / NOT_SHARED).open("a", encoding="utf-8") as file:
-            file.write(f"{one.job.name} and {len(one.group.jobs)} more: {said}\n")
-        self._alone(one.job, one.group)
+            file.write(f"{one.job.name} and {'its views' if one.then else f'{len(one.group.jobs)} more'}: {said}\n")
+        if one.then is None:
+            self._alone(one.job, one.group)
+            return
+        self.turns.give_up(one.group)
+        one.then.views = None
+        self.tries[one.job.name] -= 1
+        self._try(one.job, one.then, one.started)
 
     def _alone(self, job: Job, group: Group) -> None:
         """A job that could not be started in its group, and those that wait for the same, lead their surveys themselves."""
@@ -210,14 +225,14 @@ class _Pool:
                 self._settle(self.running.pop(0))
 
     def close(self) -> None:
-        for group in self.turns.groups:
+        for group in self.turns.every:
             group.end()
         self.our_end.close()
         self.lifeline.close()
 
     def _others(self) -> list[int]:
         """Processes that are to live on when another ends."""
-        groups = [group.process.pid for group in self.turns.groups if group.process is not None]
+        groups = [group.process.pid for group in self.turns.every if group.process is not None]
         return [*groups, *(other.process.pid for other in self.running)]
 
     def _settle(self, one: Running) -> None:

@@ -1,8 +1,9 @@
-"""One survey for several jobs, in a process that leads it and is then forked for each of them.
+"""What several jobs begin with, in a process that does it once and is then forked for each of them: the survey, or the views
+of several surveys.
 
 The sweep sends a job and two pipes; the answer is the number of the job's process. A job forked here is like any other
 (rhs.sweeps.worker): its own session, log, limits and row. What kills this process kills its jobs; the sweep tries them
-again, each alone.
+again, each alone. From a process that holds views another is forked that leads a survey.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.reduction import recv_handle, send_handle
@@ -20,29 +21,34 @@ from typing import Any
 
 from rhs.api.jit import on_compile
 from rhs.base.errors import RhsError
-from rhs.config.compose import from_plain
+from rhs.config.compose import RunConfig, from_plain
 from rhs.config.loose import take_over
-from rhs.patrol.shared import SharedSurvey, lead_shared
+from rhs.patrol.shared import DrawnViews, SharedSurvey, draw_views, lead_shared
 
-from .worker import COMPILING, JOB_LOG, KEPT, Task, kept_survey, log_text, redirect, settle_in, work
+from . import survey_cache
+from .worker import COMPILING, JOB_LOG, KEPT, Task, kept_survey, log_text, redirect, settle_in
 
-READY = "ready"  # said when the survey is led
+READY = "ready"  # said when the survey is led, or the views are drawn
 ANSWER_S = 60.0  # within which a leader forks
 
 
-def lead(task: Task, folder: str, lifeline: Connection, orders: Connection) -> None:
-    """Lead the survey that `task` begins with, in `folder`, and serve; `orders` hears the number of the process that
-    forked this one, and READY. A survey that fails ends the process: each job then finds out alone."""
-    orders.send(os.getppid())
-    settle_in(lifeline)
-    redirect(os.path.join(folder, JOB_LOG))
-    own = os.getpid()
-    on_compile(lambda: orders.send(COMPILING) if os.getpid() == own else None)
-    take_over(task.plugins)
-    config, log = from_plain(task.values), Path(folder) / JOB_LOG
+def draw(task: Task, folder: str, lifeline: Connection, orders: Connection) -> None:
+    """Draw the views of the survey that `task` begins with, in `folder`, and serve; `orders` hears the number of the process
+    that forked this one, and READY. Views that cannot be drawn end the process: each job then finds out alone."""
+    config = _begun(task, folder, lifeline, orders)
+    if task.cache and survey_cache.holds(config):
+        raise RhsError("an earlier sweep led its survey")
+    drawn = draw_views(config, Path(folder))
+    orders.send(READY)
+    serve(drawn, lifeline, orders)
+
+
+def lead(task: Task, folder: str, lifeline: Connection, orders: Connection, drawn: DrawnViews | None = None) -> None:
+    """Lead the survey that `task` begins with, in `folder`, and serve, as `draw` does. drawn: its views, where they were."""
+    config, log = _begun(task, folder, lifeline, orders), Path(folder) / JOB_LOG
     shared, keep, building = kept_survey(config, log, lambda: orders.send(KEPT)) if task.cache else (None, None, None)
     if shared is None:
-        shared = lead_shared(config, Path(folder), building)
+        shared = lead_shared(config, Path(folder), building, drawn)
         shared = replace(shared, said=log_text(log))
         if keep is not None:
             keep(shared)
@@ -50,8 +56,20 @@ def lead(task: Task, folder: str, lifeline: Connection, orders: Connection) -> N
     serve(shared, lifeline, orders)
 
 
-def serve(shared: SharedSurvey, lifeline: Connection, orders: Connection) -> None:
-    """Fork a process for each job that is sent, and say how it ended, until nobody sends any more."""
+def _begun(task: Task, folder: str, lifeline: Connection, orders: Connection) -> RunConfig:
+    """This process settled in; the configuration of the task."""
+    orders.send(os.getppid())
+    settle_in(lifeline)
+    redirect(os.path.join(folder, JOB_LOG))
+    own = os.getpid()
+    on_compile(lambda: orders.send(COMPILING) if os.getpid() == own else None)
+    take_over(task.plugins)
+    return from_plain(task.values)
+
+
+def serve(begun: SharedSurvey | DrawnViews, lifeline: Connection, orders: Connection) -> None:
+    """Fork a process for each job that is sent, or for what leads its survey, and say how it ended, until nobody sends any
+    more."""
     context = multiprocessing.get_context("fork")
     running: dict[Any, tuple[Any, Connection]] = {}
     while True:
@@ -64,40 +82,40 @@ def serve(shared: SharedSurvey, lifeline: Connection, orders: Connection) -> Non
                 gone.close()
                 continue
             try:
-                task, folder = orders.recv()
-                done, gone = (Connection(recv_handle(orders), readable=False) for _ in range(2))
+                target, task, folder = orders.recv()
+                done, gone = (Connection(recv_handle(orders)) for _ in range(2))
             except EOFError:
                 return
             others = [orders, gone, *(one for _, one in running.values())]
-            process = context.Process(target=_go_on, args=(task, folder, lifeline, done, shared, others))
+            process = context.Process(target=_go_on, args=(target, task, folder, lifeline, done, begun, others))
             process.start()
             done.close()
             running[process.sentinel] = process, gone
             orders.send(process.pid)
 
 
-def _go_on(task: Task, folder: str, lifeline: Connection, done: Connection, shared: SharedSurvey,
-           others: Sequence[Connection]) -> None:
-    """The job, in a process forked from the survey's."""
+def _go_on(target: Callable[..., None], task: Task, folder: str, lifeline: Connection, done: Connection,
+           begun: SharedSurvey | DrawnViews, others: Sequence[Connection]) -> None:
+    """The job, or what leads its survey, in a process forked from that of the survey or of the views."""
     for one in others:
         one.close()
-    work(task, folder, lifeline, done, shared)
+    target(task, folder, lifeline, done, begun)
 
 
 class Forked:
     """A job's process as the sweep sees it, in the words of multiprocessing.Process. sentinel: to be waited for."""
 
-    def __init__(self, orders: Connection, task: Task, folder: Path, done: Connection) -> None:
-        """Have it forked. Raises RhsError, OSError or EOFError where nobody answers."""
+    def __init__(self, orders: Connection, target: Callable[..., None], task: Task, folder: Path, done: Connection) -> None:
+        """Have it forked. target: `work` or `lead`. Raises RhsError, OSError or EOFError where nobody answers."""
         self.sentinel, theirs = multiprocessing.Pipe(duplex=False)
         self._code: int | None = None
         self._over = False
-        orders.send((task, str(folder)))
+        orders.send((target, task, str(folder)))
         for pipe in (done, theirs):
             send_handle(orders, pipe.fileno(), None)
         theirs.close()
         if not orders.poll(ANSWER_S):
-            raise RhsError("the process of its survey does not answer")
+            raise RhsError("the process that it is forked from does not answer")
         self.pid: int = orders.recv()
 
     @property

@@ -81,6 +81,12 @@ def key_of(config: RunConfig, building: World | None) -> str | None:
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:32]
 
 
+def holds(config: RunConfig) -> bool:
+    """Whether there is a file of the survey that a run begins with."""
+    key = key_of(config, building_read(config))
+    return key is not None and (cache_folder() / (key + ENDING)).exists()
+
+
 def load(key: str) -> SharedSurvey | None:
     """The survey of this name, as it was led; None where it is not kept, cannot be read, or its code has changed since."""
     import zstandard

@@ -28,7 +28,7 @@ from rhs.runfolder.row import sound, write_row
 
 if TYPE_CHECKING:
     from rhs.api.floorplan import World
-    from rhs.patrol.shared import SharedSurvey
+    from rhs.patrol.shared import DrawnViews, SharedSurvey
 
 JOB_LOG = "job.log"
 COMPILING = "compiling"  # said by a job that has to wait for the compiler
@@ -46,16 +46,17 @@ class Task:
     cache: bool = False
 
 
-def work(task: Task, folder: str, lifeline: Connection, done: Connection, shared: SharedSurvey | None = None) -> None:
-    """Run the job; `done` hears the number of the process that forked this one, and True when all is written. shared: the
-    survey it begins with, led already."""
+def work(task: Task, folder: str, lifeline: Connection, done: Connection,
+         begun: SharedSurvey | DrawnViews | None = None) -> None:
+    """Run the job; `done` hears the number of the process that forked this one, and True when all is written. begun: the
+    survey it begins with, led already, or its views, drawn already."""
     done.send(os.getppid())
     settle_in(lifeline)
     redirect(os.path.join(folder, JOB_LOG))
     held = lock(Path(folder))
     on_compile(lambda: done.send(COMPILING))
     try:
-        cause = _run(task, Path(folder), shared, told=lambda: done.send(KEPT))
+        cause = _run(task, Path(folder), begun, told=lambda: done.send(KEPT))
         if cause is not None:
             traceback.print_exception(cause)
     except KeyboardInterrupt:
@@ -67,19 +68,23 @@ def work(task: Task, folder: str, lifeline: Connection, done: Connection, shared
         done.send(True)
 
 
-def _run(task: Task, folder: Path, shared: SharedSurvey | None, told: Callable[[], None]) -> BaseException | None:
+def _run(task: Task, folder: Path, begun: SharedSurvey | DrawnViews | None, told: Callable[[], None],
+         ) -> BaseException | None:
     """Whatever happens there is a row. told: a survey was kept."""
     try:
         take_over(task.plugins)
         from rhs.patrol.run import run_config
+        from rhs.patrol.shared import DrawnViews
 
         config = replace(from_plain(task.values), presets=task.identity.get("presets", ""))
+        drawn = begun if isinstance(begun, DrawnViews) else None
+        shared = None if isinstance(begun, DrawnViews) else begun
         keep, building = None, None
         if shared is None and task.cache:
             shared, keep, building = kept_survey(config, folder / JOB_LOG, told)
         if shared is not None:
             sys.stderr.write(shared.said)
-        row = run_config(config, folder, shared=shared, keep=keep, building=building)
+        row = run_config(config, folder, shared=shared, keep=keep, building=building, drawn=drawn)
         if row["status"] == "failed" and shared is not None and shared.kept:  # is it because of where the survey comes from?
             sys.stderr.write(f"{row['reason']}; the survey was that of an earlier sweep, it is led anew\n")
             empty(folder)

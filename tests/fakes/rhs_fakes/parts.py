@@ -29,6 +29,8 @@ class FakeSource:
     """views of the survey"""
     delay_s: float = 0.0
     """seconds it takes to come up with a view"""
+    ahead: bool = False
+    """whether it may be led before anybody asks"""
 
     def build(self, context: Any) -> Any:
         from .room import Room

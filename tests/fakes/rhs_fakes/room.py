@@ -26,6 +26,8 @@ class Room:
         self.facts = WorldFacts("room", (1.0, 1.0, 0.0), places, (0.0, 0.0, 6.0, 4.0), 0.2)
         self.views_expected, self.index, self.stamp_s = settings.views, 0, 0.0
         self.pose = se2(1.0, 1.0, 0.0)
+        if settings.ahead:
+            self.leads_ahead = True
 
     def lead(self) -> Capture | None:
         if self.index == self.settings.views:
@@ -69,6 +71,8 @@ class ImuRoom(Room):
 
 
 class Wheel:
+    senses_ahead = True
+
     def __init__(self, context: Any) -> None:
         self.camera, self.rng = context.camera, context.rng
 
