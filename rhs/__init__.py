@@ -18,11 +18,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rhs.base.errors import RhsError
+from rhs.base.errors import RhsError, path_of
 
 if TYPE_CHECKING:
     import pandas
 
+    from rhs.api.metric import Metric
     from rhs.api.records import Step
     from rhs.config.compose import RunConfig as Config
     from rhs.runfolder.run import Run
@@ -72,10 +73,10 @@ def sweep(words: Words, *, jobs: int = 0, timeout_s: float = 3600.0, quiet: bool
 
 
 def table(*folders: Path | str) -> pandas.DataFrame:
-    """The rows of all runs under these folders, one line each. Raises RhsError when there is none."""
+    """The rows of all runs under these folders, one line each. Raises ConfigError for what is no folder."""
     from rhs.reports.table import rows
 
-    return rows([Path(folder) for folder in folders or ("results",)])
+    return rows([path_of(folder, "a folder of runs") for folder in folders or ("results",)])
 
 
 def evaluate(estimate: Path | str, truth: Path | str | None = None, *, alignment: str = "se3",
@@ -86,21 +87,23 @@ def evaluate(estimate: Path | str, truth: Path | str | None = None, *, alignment
     alignment: se3, sim3, origin or none. tolerance_s: most time between the stamps of a pair."""
     from rhs.metrics.evaluate import evaluate_folder, evaluate_pair
 
+    way = path_of(estimate, "a run folder or a trajectory")
     if truth is None:
-        return evaluate_folder(Path(estimate))
-    return evaluate_pair(Path(estimate), Path(truth), alignment=alignment, tolerance_s=tolerance_s)
+        return evaluate_folder(way)
+    return evaluate_pair(way, path_of(truth, "a trajectory"), alignment=alignment, tolerance_s=tolerance_s)
 
 
 def load_run(folder: Path | str) -> Run:
-    """What a run left behind: `row`, `table` (the steps), `estimate`, `map`, `config`. Raises RhsError when the folder
+    """What a run left behind: `row`, `table` (the steps), `estimate`, `map`, `config`. Raises ConfigError when the folder
     holds no run."""
     from rhs.runfolder.run import load_run as load
 
     return load(folder)
 
 
-def register(kind: str, name: str, plugin: type) -> None:
-    """A plugin of this process: from now on `kind=name` chooses it. The row records its file and the file's hash.
+def register(kind: str, name: str, plugin: type | Metric | tuple[Metric, ...]) -> None:
+    """A plugin of this process: from now on `kind=name` chooses it, or rows have these metrics. The row records its file and
+    the file's hash.
 
     Raises PluginError when the kind is unknown or the class is no plugin (rhs.api.contracts)."""
     from rhs.config import registry

@@ -93,11 +93,11 @@ _Part = TypeVar("_Part", covariant=True)
 
 
 class Plugin(Protocol[_Given, _Part]):
-    """The dataclass an entry point names: `Plugin[Context, Odometry]`, of a source `Plugin[SourceContext, Source]`."""
+    """The dataclass an entry point names: `Plugin[Context, Odometry]`, of a source `Plugin[SourceContext, Source]`. It may
+    also have `preload: ClassVar[tuple[str, ...]]`, heavy modules of build() that are loaded once for all jobs of a sweep."""
 
     needs: ClassVar[frozenset[str]]
     provides: ClassVar[frozenset[str]]
-    preload: ClassVar[tuple[str, ...]] = ()  # may be left out: heavy modules of build(), loaded once for all jobs of a sweep
 
     def build(self, context: _Given) -> _Part: ...
 
@@ -357,8 +357,8 @@ def complete(kind: str, part: Any) -> Any:
                                     f"rhs.api.contracts.{protocol.__name__}") from None
         elif name not in optional and (not hasattr(part, name) or getattr(type(part), name, part) is default):
             raise ContractError(f"{type(part).__name__}, which build() returned, has no {_call(name, default)}")
-        elif callable(default) and not _takes(own, default):
-            raise ContractError(f"{type(part).__name__}.{name} cannot be called as {_call(name, default)}")
+        elif callable(default) and (wrong := _unlike(own, name, default)):
+            raise ContractError(f"{type(part).__name__}.{name} {wrong}")
         elif name in optional and not callable(default) and not _is(own, get_type_hints(protocol)[name]):
             raise ContractError(f"{type(part).__name__}.{name} is {reprlib.repr(own)}; expected "
                                 f"{protocol.__annotations__[name]}")
@@ -387,14 +387,14 @@ def _call(name: str, method: Any) -> str:
     return f"{name}({', '.join(_arguments(method))})" if callable(method) else name
 
 
-def _takes(own: Any, method: Any) -> bool:
-    """Whether `own` can be called with the arguments of this method of a Protocol; where nobody can tell, it may."""
-    if not callable(own):
-        return False
+def _unlike(own: Any, name: str, method: Any) -> str:
+    """Why `own` cannot stand for this method of a Protocol; nothing where it can, or nobody can tell."""
+    if inspect.isgeneratorfunction(own) or inspect.iscoroutinefunction(own):
+        return "yields or is async, so that a call runs nothing of it; write a plain method that returns"
     try:
         inspect.signature(own).bind(*_arguments(method))
     except TypeError:
-        return False
+        return f"cannot be called as {_call(name, method)}"
     except ValueError:
-        return True
-    return True
+        pass
+    return ""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from enum import Enum
 from functools import cache
 from typing import TypeVar
 
 import numpy as np
 
 Value = TypeVar("Value")
+FEW = 6  # numbers that are printed
 _PLAIN = frozenset({float, int, str, bool, type(None)})
 
 
@@ -40,6 +42,28 @@ def owned(value: Value) -> Value:
     if not isinstance(value, np.ndarray) or below is value or isinstance(below, bytes):
         return value
     return value.copy()
+
+
+class Shown:
+    """A record that is printed in a line: poses and arrays in short, what is not there left out."""
+
+    def __repr__(self) -> str:
+        held = [(name, getattr(self, name)) for name in _names(type(self))]
+        return f"{type(self).__name__}({', '.join(f'{name}={_in_short(one)}' for name, one in held if one is not None)})"
+
+
+def _in_short(value: object) -> str:
+    if isinstance(value, np.ndarray) and value.shape == (4, 4):
+        (x, y, z), yaw_deg = value[:3, 3], np.degrees(np.arctan2(value[1, 0], value[0, 0]))
+        return f"<pose at {x:.4g}, {y:.4g}, {z:.4g}, yaw {yaw_deg:.4g} deg>"
+    if isinstance(value, np.ndarray) and value.size > FEW:
+        return f"<{value.shape} {value.dtype}>"
+    if isinstance(value, Enum):
+        return f"{type(value).__name__}.{value.name}"
+    value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, (tuple, list, Mapping)) and len(value) > FEW:
+        return f"<{len(value)} in a {type(value).__name__}>"
+    return " ".join(repr(value).split())
 
 
 @cache

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from .distortion import distorted, undistorted
+from .frozen import Shown
 
 # Rotation taking camera axes (right, down, forward) to body axes (forward, left, up).
 BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -223,8 +224,8 @@ def align(
     return se3(rotation, mean_t - scale * rotation @ mean_s), scale
 
 
-@dataclass(frozen=True, eq=False)
-class Camera:
+@dataclass(frozen=True, eq=False, repr=False)
+class Camera(Shown):
     """Pinhole camera with skew and optional lens distortion (thesis eqs 2.1-2.20).
 
     width, height in pixels; fx, fy, cx, cy, skew in pixels; body_from_camera 4x4 extrinsics;

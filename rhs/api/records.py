@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import Bounded, within
+from .frozen import Shown
 from .geometry import Camera, arc, planar
 from .robot_shape import Footprint
 from .statuses import BeliefStatus as BeliefStatus
@@ -56,8 +57,8 @@ class Twist:
         return arc(self.forward_mps * self.duration_s, self.turn_radps * self.duration_s)
 
 
-@dataclass(frozen=True, eq=False)
-class Scan:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scan(Shown):
     """Ranges over bearings in the body frame, beams leaving `origin_xy_m`.
 
     bearings_rad (N,): left positive. ranges_m (N,): metres along the beam, NaN unknown, +inf
@@ -72,8 +73,8 @@ class Scan:
     blind_m: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Capture:
+@dataclass(frozen=True, eq=False, repr=False)
+class Capture(Shown):
     """An ideal view at one instant, before any sensor. Arrays that are views of a buffer, which may be filled again, are
     copied; others are taken as they are, and can no longer be written to.
 
@@ -98,8 +99,8 @@ class Capture:
     contact: bool | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Observation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Observation(Shown):
     """What this sensor reports of a Capture. Arrays are read-only.
 
     wheel: (3,) encoder travel since the previous view (dx, dy, dyaw), with slip, or None.
@@ -123,8 +124,8 @@ class Observation:
     depth_times: float = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Shown):
     """Motion of the body since the previous observation: previous_from_body, covariance in the body frame of this one.
 
     When status is lost, previous_from_body is the part's best guess and the covariance is honest about it.
@@ -148,8 +149,8 @@ class Motion:
     scan_measured: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Belief:
+@dataclass(frozen=True, eq=False, repr=False)
+class Belief(Shown):
     """Where the robot thinks it is: map_from_body, covariance in the body frame (6x6, right perturbation).
 
     probability: chance (0..1) that the pose is right (0.25 m, 5 degrees)."""
@@ -200,8 +201,8 @@ class FeatureSettings(Bounded):
     advanced: FeatureAdvanced = FeatureAdvanced()
 
 
-@dataclass(frozen=True, eq=False)
-class Thumbnail:
+@dataclass(frozen=True, eq=False, repr=False)
+class Thumbnail(Shown):
     """The thumbnail of a view: means over blocks of its picture, of which faint, wide patterns of a wall remain where
     noise and key-points do not. grey (h, w) uint8; depth (h, w) float32, metres along the optical axis, NaN where a
     pixel of the block is unknown."""
@@ -210,8 +211,8 @@ class Thumbnail:
     depth: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Features:
+@dataclass(frozen=True, eq=False, repr=False)
+class Features(Shown):
     """Key-points of one view. pixels (N, 2) float32; descriptors (N, D) (float32 RootSIFT or uint8 ORB);
     points (N, 3) float32 in the camera frame, NaN where depth is unknown; thumbnail: of the view they are of, if it is
     kept; sift (N, 128) uint8: of what the descriptors are the roots, where they are."""
@@ -223,8 +224,8 @@ class Features:
     sift: np.ndarray | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Wall:
+@dataclass(frozen=True, eq=False, repr=False)
+class Wall(Shown):
     """A vertical wall an odometry believes in: a segment in the map, metres, from floor to ceiling."""
 
     start_xy_m: np.ndarray
@@ -233,8 +234,8 @@ class Wall:
     ceiling_m: float = np.inf
 
 
-@dataclass(frozen=True, eq=False)
-class View:
+@dataclass(frozen=True, eq=False, repr=False)
+class View(Shown):
     """One step of a survey as the loop closer, the mapper and the localiser get it afterwards.
 
     features is None for views that were not stored as places. of_map: (6, 6) of map_from_body against the first view's
@@ -252,8 +253,8 @@ class View:
     of_map: np.ndarray | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Revision:
+@dataclass(frozen=True, eq=False, repr=False)
+class Revision(Shown):
     """What an odometry says of the whole survey once it is over: poses (N, 4, 4), a scan per view (None: they stay as they
     were taken), and its walls.
 
@@ -266,8 +267,8 @@ class Revision:
     covariance: np.ndarray | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class LoopEdge:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopEdge(Shown):
     """View `later` seen from view `earlier`: earlier_from_later 4x4 with 6x6 covariance; accepted or why not."""
 
     earlier: int
@@ -279,8 +280,8 @@ class LoopEdge:
     reason: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Closure:
+@dataclass(frozen=True, eq=False, repr=False)
+class Closure(Shown):
     """Corrected poses (N, 4, 4) of all views of a survey, and the loops they rest on.
 
     covariances: (N, 6, 6) of the poses against the first (right perturbations), NaN for views of which it is not said; None:
@@ -292,8 +293,8 @@ class Closure:
     covariances: np.ndarray | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class PlanningProblem:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanningProblem(Shown):
     """blocked (H, W) bool, row = y, True where the robot's centre may not be; cell (0, 0) has its centre at
     origin_m + resolution_m / 2, origin_m is the corner. start_m, goal_m: (2,) metres in the map frame."""
 
@@ -304,8 +305,8 @@ class PlanningProblem:
     goal_m: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Path:
+@dataclass(frozen=True, eq=False, repr=False)
+class Path(Shown):
     """points_m (N, 2) from start to goal, metres, empty on failure, as the planner found them: whoever asked pulls every
     planner's path tight alike, and then keeps in raw_m what it was given. keep_shape: it shall not, because the shape is
     the point (room to the walls). advice: after a failure, what to type to get further. sketch: (E, 2, 2) segments of the

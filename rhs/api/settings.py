@@ -19,8 +19,9 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from rhs.base.errors import ConfigError
+from rhs.base.errors import nearest as nearest
 
-RESERVED = ("name",)
+RESERVED = ("name", "defaults")  # rhs's own, and the word of Hydra's defaults lists
 
 
 # the types of a class's fields, looked up once: a sweep makes the same classes for each of its jobs
@@ -77,17 +78,11 @@ def _over(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def unknown_key(owner: str, key: str, known: list[str]) -> ConfigError:
-    """The error for a key nobody knows."""
-    hint = nearest(key, known, owner)
+def unknown_key(owner: str, key: str, known: list[str], also: Sequence[str] = ()) -> ConfigError:
+    """The error for a key nobody knows. also: keys that are known elsewhere, and may have been meant."""
+    hint = nearest(key, [*known, *also], owner)
     shown = ", ".join(sorted(known)[:12]) + (", ..." if len(known) > 12 else "")
     return ConfigError(f"unknown key {dotted(owner, key)}{hint or f'; there is {shown}'}")
-
-
-def nearest(word: str, known: list[str], owner: str = "") -> str:
-    """`; did you mean x?`, or nothing when no known word is like it."""
-    close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
-    return f"; did you mean {dotted(owner, close[0])}?" if close else ""
 
 
 def slip(word: str, known: Iterable[str]) -> str:
@@ -115,13 +110,9 @@ def defaults(cls: type) -> dict[str, Any]:
     for item in dataclasses.fields(cls):
         if not item.init:
             continue
-        if item.default is not dataclasses.MISSING:
-            value = item.default
-        elif item.default_factory is not dataclasses.MISSING:
-            value = item.default_factory()
-        else:
+        if item.default is item.default_factory is dataclasses.MISSING:
             raise ConfigError(f"{cls.__module__}.{cls.__qualname__}.{item.name} has no default value; give it one")
-        out[item.name] = plain(value)
+        out[item.name] = plain(_default(item))
     return out
 
 
@@ -146,7 +137,7 @@ def plain(value: Any) -> Any:
     if is_record(value):
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
     if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {k.name if isinstance(k, enum.Enum) else str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]
     if isinstance(value, enum.Enum):
@@ -157,18 +148,31 @@ def plain(value: Any) -> Any:
 
 
 def unusable(cls: type, owner: str = "") -> str:
-    """Which setting of a dataclass nobody can type, in words; nothing when all can be."""
-    for item in dataclasses.fields(cls):
-        hint = _hints(cls)[item.name]
+    """Which setting of a dataclass nobody can type, or whose default is not of its type, in words; else nothing."""
+    for item in (item for item in dataclasses.fields(cls) if item.init):
+        hint, key = _hints(cls)[item.name], dotted(owner, item.name)
+        if key in RESERVED:
+            return f"setting {key} has a name that rhs uses itself; rename it"
+        if not key.isascii():
+            return f"setting {key} cannot be typed; name it by the letters a to z"
         if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-            if said := unusable(hint, dotted(owner, item.name)):
+            if said := unusable(hint, key):
                 return said
-        elif item.init and not _typable(hint):
-            return (f"setting {dotted(owner, item.name)} of type {type_name(hint)} cannot be typed; use numbers, bool, str, "
-                    "Path, Enum, Literal, list, tuple, dict, a dataclass")
-        if item.init and item.default is item.default_factory is dataclasses.MISSING:
-            return f"setting {dotted(owner, item.name)} has no default value; give it one"
+        elif not _typable(hint):
+            return (f"setting {key} of type {type_name(hint)} cannot be typed; use numbers, bool, str, Path, Enum, Literal, "
+                    "list, tuple, dict, a dataclass")
+        if item.default is item.default_factory is dataclasses.MISSING:
+            return f"setting {key} has no default value; give it one"
+        try:
+            _convert(hint, plain(_default(item)), key)
+        except Exception as error:
+            said = str(error) if isinstance(error, ConfigError) else f"{type(error).__name__}: {error}"
+            return f"the default of setting {key} does not fit its type: {said}"
     return ""
+
+
+def _default(item: dataclasses.Field[Any]) -> Any:
+    return item.default if item.default_factory is dataclasses.MISSING else item.default_factory()
 
 
 def _typable(hint: Any) -> bool:
@@ -176,9 +180,8 @@ def _typable(hint: Any) -> bool:
     origin = typing.get_origin(hint)
     if origin in (typing.Union, types.UnionType, list, tuple, dict):
         return all(map(_typable, inner))
-    plain_types = (float, int, str, types.NoneType, enum.Enum, PurePath, list, tuple, dict)
-    return (hint is Any or origin is typing.Literal or dataclasses.is_dataclass(hint)
-            or (isinstance(hint, type) and issubclass(hint, plain_types)))
+    return (hint in (Any, float, int, str, bool, types.NoneType, list, tuple, dict) or origin is typing.Literal
+            or dataclasses.is_dataclass(hint) or (isinstance(hint, type) and issubclass(hint, enum.Enum | PurePath)))
 
 
 def type_name(hint: Any) -> str:
@@ -204,8 +207,9 @@ def _convert(hint: Any, value: Any, key: str) -> Any:
     if origin in (typing.Union, types.UnionType):
         return _convert_union(inner, value, key, hint)
     if origin is typing.Literal:
-        if value in inner:
-            return value
+        for one in inner:
+            if one == value and type(one) is type(value):  # true is not 1
+                return one
         raise _wrong(key, value, hint)
     if (origin or hint) in (list, tuple):
         return _convert_sequence(origin or hint, inner, value, key, hint)

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from .errors import ConfigError, RhsError
+from .errors import ConfigError, RhsError, nearest
 
 INTERRUPTED = 130
 LONGEST = 250  # characters of a complaint
@@ -22,7 +22,18 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff]+")
 
 
 class Arguments(argparse.ArgumentParser):
-    """argparse whose complaints are one line and exit code 2."""
+    """argparse whose complaints are one line and exit code 2. An option nobody knows is named before anything that is
+    missing: it may be what was meant for it."""
+
+    def parse_known_args(self, args=None, namespace=None):
+        args = sys.argv[1:] if args is None else list(args)
+        for word in args[: args.index("--")] if "--" in args else args:
+            name = word.partition("=")[0]
+            known = self._option_string_actions
+            begun = self.allow_abbrev and any(one.startswith(name) for one in known)
+            if name.startswith("--") and not begun and name not in known:
+                raise ConfigError(f"unknown option {name}{nearest(name, known) or f'; see {self.prog} --help'}")
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str):
         raise ConfigError(f"{message}; see {self.prog} --help")

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
+import os
+from collections.abc import Collection
 from enum import EnumMeta
+from pathlib import Path
 
 
 class RhsError(Exception):
@@ -39,6 +43,19 @@ def words_of(error: BaseException) -> str:
     if isinstance(error, AttributeError) and isinstance(kind, EnumMeta):
         return f"{kind.__name__} has no {error.name}; it has {', '.join(kind.__members__)}"
     return str(error)
+
+
+def nearest(word: str, known: Collection[str], owner: str = "") -> str:
+    """`; did you mean x?`, or nothing when no known word is like it. owner: of the known words, put before x."""
+    close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
+    return f"; did you mean {owner}{'.' * bool(owner)}{close[0]}?" if close else ""
+
+
+def path_of(value: object, what: str) -> Path:
+    """A folder or file that a person named. Raises ConfigError for what names none, such as None."""
+    if not isinstance(value, str | os.PathLike) or isinstance(os.fspath(value), bytes):
+        raise ConfigError(f"found {value!r:.60} of type {type(value).__name__}; expected {what}, as a text or a Path")
+    return Path(value)
 
 
 # The last word of a name -> the unit that is said of its range.

@@ -36,7 +36,8 @@ COMMANDS = {
 }
 
 TOPICS = ("commands", "columns", "events", "statuses", "settings", "kinds", *PLUGIN_KINDS)
-EXPLAINED = ("blame", "cache", "check", "card", "new", "completion", "compare")  # no options: --help prints their docstring
+EXPLAINED = ("blame", "cache", "check", "card", "new", "completion", "compare")  # --help prints their docstring
+PLAIN = ("cache", "new", "completion", "help")  # without options
 
 
 def command(words: Sequence[str]) -> Callable[[], int] | None:
@@ -57,6 +58,8 @@ def command(words: Sequence[str]) -> Callable[[], int] | None:
         return lambda: show_help([] if asked else rest)
     if asked and name in EXPLAINED:
         return lambda: _explain(name)
+    if name in PLAIN and (option := next((word for word in rest if word.startswith("-")), "")):
+        raise ConfigError(f"{name}: unknown option {option}; see python -m rhs {name} --help")
     if name == "compare":
         return lambda: compare(rest)
     return lambda: int(import_module(COMMANDS[name][0]).main(rest))
@@ -91,7 +94,8 @@ def compare(words: Sequence[str]) -> int:
     from rhs.reports.table import main
 
     if len(words) < 2 or words[0].startswith("-"):
-        raise ConfigError("compare: say what and where, for example: python -m rhs compare planner results/sweeps")
+        found = f"found {' '.join(words)}; " if words else ""
+        raise ConfigError(f"compare: {found}say what and where, for example: python -m rhs compare planner results/sweeps")
     return main([*words[1:], "--compare", words[0]])
 
 

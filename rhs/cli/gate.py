@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rhs.api.settings import nearest
-from rhs.base.errors import ConfigError, RhsError
+from rhs.base.errors import ConfigError
 
 from .arguments import JOBS, Number, going_on, limits, parse
 from .say import of_drawn
@@ -80,10 +80,7 @@ def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Jo
 
     if asked := [word for word in change if word.partition("=")[0] in QUESTION]:
         raise ConfigError(f"gate: {asked[0]} is another question, not a change of how it is answered; gate a folder of that")
-    try:
-        rows = rows_of([folder])
-    except RhsError as error:  # 1 would be told as worse
-        raise ConfigError(str(error)) from error
+    rows = rows_of([folder])
     old = [(row, where) for where, row in rows.items() if row.get("status") in OLD and
            (row["status"] == "ok" or not where.exists() or (where / "config.yaml").is_file())]
     old.sort(key=lambda one: (str(one[0].get("seed")).zfill(12), str(one[1])))

@@ -117,11 +117,15 @@ def _drawn(folders: list[Path], chosen: argparse.Namespace) -> list[Path]:
 def _golden(chosen: argparse.Namespace) -> int:
     """The jobs of a golden set against the rows that are kept of them."""
     folder = Path(chosen.golden).absolute()
+    if not (folder / "jobs.yaml").is_file():
+        raise ConfigError(f"--golden {chosen.golden}: holds no jobs.yaml; expected it, lines `name: [word, ...]`, and "
+                          "beside it NAME/row.json of each (--update writes these)")
     words = load_yaml(folder / "jobs.yaml")
     if not isinstance(words, dict) or not all(isinstance(w, list) for w in words.values()):
         raise ConfigError(f"{folder}/jobs.yaml: expected lines `name: [word, word, ...]`")
     with contextlib.chdir(folder):
         configs = {name: compose_config([str(word) for word in typed]) for name, typed in words.items()}
+        before = {} if chosen.update else {name: read_row(folder / name / "row.json") for name in configs}
         now = again(configs, chosen.jobs)
     kept = {name: {column: row[column] for column in row
                    if (not machine_dependent(column) or column == "versions") and column not in LEFT_OUT}
@@ -132,7 +136,7 @@ def _golden(chosen: argparse.Namespace) -> int:
             write_row(folder / name, row)
         sys.stdout.write(f"{len(kept)} rows kept in {folder}\n")
         return 0
-    return _compare({name: read_row(folder / name / "row.json") for name in configs}, kept, chosen.tolerance)
+    return _compare(before, kept, chosen.tolerance)
 
 
 def again(configs: Mapping[str, RunConfig], jobs: int) -> dict[str, dict[str, object]]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -84,6 +85,7 @@ class RunConfig(Core):
         return "source" in self.parts and "driving" in self.parts["source"].settings.provides
 
 
+_COMPOSING = threading.Lock()  # Hydra has one state for the process, whatever threads compose in it
 CORE = tuple(item.name for item in dataclasses.fields(Core))
 
 
@@ -118,7 +120,8 @@ class Composer:
         options = [word for word in words if word.is_group]
         key = tuple((word.key, word.value) for word in options)
         if key not in self.trees:
-            self.trees[key] = hydra_glue.compose(options, schema=settings.defaults(Core), folders=self.folders)
+            with _COMPOSING:
+                self.trees[key] = hydra_glue.compose(options, schema=settings.defaults(Core), folders=self.folders)
         tree = self.trees[key]
         try:
             values = hydra_glue.with_values(tree, [word for word in words if not word.is_group])
@@ -214,9 +217,7 @@ def _task(values: dict[str, Any]) -> Any:
         raise ConfigError(f"task={name}: choose one of {', '.join(registry.names(TASK))} by task=NAME")
     cls = registry.load(TASK, name)
     registry.check_requirements(TASK, name, cls)
-    ours = (*CORE, *KINDS, SLAM, DEGRADE, "engine", "keep", "share")
-    taken = [item.name for item in dataclasses.fields(cls) if item.name in ours]
-    if taken:
+    if taken := [item.name for item in dataclasses.fields(cls) if item.name in CORE]:
         raise PluginError(f"task={name} has a setting called {taken[0]}, which rhs uses itself; rename it")
     return cls
 

@@ -101,7 +101,7 @@ def load_files(files: Sequence[str], words: Sequence[str]) -> None:
             _silent.append(module)
             for name, value in vars(module).copy().items():
                 if metrics := _metrics(value, f"{file}: {name}"):
-                    registry.register("metric", f"{module.__name__}_{name}".lower(), metrics)  # type: ignore[arg-type]
+                    registry.register("metric", f"{module.__name__}_{name}".lower(), metrics)
     registry.registered_from[:] = [_match] if _silent else []
     match(words)
 

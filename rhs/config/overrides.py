@@ -24,7 +24,7 @@ from rhs.api.contracts import CHOICES, DEGRADE, KINDS
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
-from .registry import JOINED, elsewhere, in_files, names_in
+from .registry import JOINED, OF_SWEEP, elsewhere, in_files, names_in
 
 GROUPS = (*CHOICES, "stack", "experiment")
 DEEPEST = 64  # brackets within brackets
@@ -64,7 +64,7 @@ class Zip:
 
 def is_of_sweep(key: str) -> bool:
     """Whether a word says where the jobs of a sweep run and what stays of them, not what a run does."""
-    return key in ("engine", "keep", "share", "cache") or key.startswith("engine.")
+    return key in OF_SWEEP or key.startswith("engine.")
 
 
 def parse(words: Sequence[str]) -> list[Override | Zip]:

@@ -33,6 +33,8 @@ from rhs.api.settings import RESERVED, nearest, unknown_key, unusable
 from rhs.base.errors import ConfigError, PluginError
 from rhs.base.provenance import code_hash
 
+OF_SWEEP = ("engine", "keep", "share", "cache")  # words that say where the jobs of a sweep run and what stays of them
+AT_TOP = {*PLUGIN_KINDS, *OF_SWEEP, "experiment", "stack", "hydra"}  # words beside which the settings of a task stand
 JOINED = "+"  # between degradations: `degrade=blur+low_light` is one part whose settings stand side by side
 REQUIRED = re.compile(r"[A-Za-z_]\w*(\.\w+)*(:.+)?")  # a module, and what pip calls its package where that differs
 IMPORT_S = 10.0  # for a plugin that is only listed
@@ -56,7 +58,7 @@ class Origin:
 _by_hand: dict[tuple[str, str], tuple[type, Origin]] = {}
 
 
-def register(kind: str, name: str, cls: type) -> None:
+def register(kind: str, name: str, cls: Any) -> None:
     """A plugin of this process without packaging: from now on `kind=name` chooses it, before any installed one.
 
     Raises PluginError when the kind is unknown or the class is no plugin."""
@@ -66,6 +68,7 @@ def register(kind: str, name: str, cls: type) -> None:
         raise PluginError(f"{kind}={name}: found an object of {type(cls).__name__}; give the class itself")
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         raise PluginError(f"{kind}={name}: a plugin's name is letters, digits and _")
+    cls = (cls,) if isinstance(cls, Metric) else cls
     module, called = _where_it_stands(cls)
     file = getattr(sys.modules.get(module), "__file__", None) or module
     try:
@@ -183,7 +186,9 @@ def load(kind: str, name: str) -> type:
                           f"{'' if registered_from else '; if it is in a file, add --plugin FILE.py'}"
                           + (f" (available: {', '.join(known)})" if len(known) > 1 else ""))
     if len(where) > 1:
-        raise PluginError(f"{kind}={name} is registered twice: {' and '.join(map(str, where))}; uninstall one of them")
+        others = sorted({origin.distribution for origin in where if origin.distribution.partition(" ")[0] != OURS})
+        raise PluginError(f"{kind}={name} is registered twice: {' and '.join(map(str, where))}; rename one of them, or "
+                          f"uninstall {' or '.join(others)}")
     found: Any = _import(_entry_points(kind)[name][0], where[0])
     found = (found,) if isinstance(found, Metric) else found
     _check_plugin(found, where[0])
@@ -251,7 +256,7 @@ def no_setting(key: str, task: str, known: list[str]) -> ConfigError:
     if owners:
         return ConfigError(f"{key}: task={task} has no such setting; task={' and task='.join(owners)} "
                            f"{'have' if len(owners) > 1 else 'has'}")
-    return unknown_key("", key, known)
+    return unknown_key("", key, known, also=OF_SWEEP)
 
 
 def _import(point: EntryPoint, origin: Origin) -> Any:
@@ -272,10 +277,11 @@ def why_not_imported(error: BaseException, own: str = "") -> str:
     said = f"{type(error).__name__}: {(str(error).strip().splitlines() or [''])[0][:120]}"
     if isinstance(error, ModuleNotFoundError) and error.name and f"{own.partition(':')[0]}.".startswith(f"{error.name}."):
         return f"{said}; right the entry point, module:class"
-    if isinstance(error, AttributeError) and isinstance(error.obj, ModuleType):
-        return said + nearest(str(error.name), dir(error.obj))
-    if isinstance(error, ModuleNotFoundError) and error.name:
-        return f"{said}; type: pip install {error.name.partition('.')[0].replace('_', '-')}"
+    if isinstance(error, AttributeError) and isinstance(error.obj, ModuleType):  # the file: two packages may have one name
+        return f"{said} ({getattr(error.obj, '__file__', None)}){nearest(str(error.name), dir(error.obj))}"
+    top = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
+    if top and top not in sys.modules:
+        return f"{said}; type: pip install {top.replace('_', '-')}"
     frames = [(Path(frame.f_code.co_filename), line) for frame, line in traceback.walk_tb(error.__traceback__)
               if "importlib" not in frame.f_code.co_filename and not frame.f_globals["__name__"].startswith("rhs.")]
     inside = [one for one in frames if one[0].parent.is_relative_to(frames[0][0].parent)]
@@ -307,9 +313,8 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         raise PluginError(f'{who} declares no kinds; write `kinds: ClassVar[tuple[str, ...]] = ("planner",)`, those it has')
     if origin.kind == "task" and (wrong := sorted(set(plugin.kinds) - set(PLUGIN_KINDS))):
         raise PluginError(f"{who}: there is no kind {wrong[0]}{nearest(wrong[0], list(PLUGIN_KINDS))}")
-    for item in dataclasses.fields(cls):
-        if item.name in RESERVED:
-            raise PluginError(f"{who} has a setting called {item.name}, which rhs uses itself; rename it")
+    if origin.kind == "task" and (taken := AT_TOP & {item.name for item in dataclasses.fields(cls)}):
+        raise PluginError(f"{who} has a setting called {min(taken)}, which rhs uses itself; rename it")
     try:
         said = unusable(cls)
     except NameError as error:  # an annotation that stands under `if TYPE_CHECKING`

@@ -8,17 +8,19 @@ from __future__ import annotations
 import traceback
 from pathlib import Path
 
+import numpy as np
+
 from rhs.api.trajectory import ALIGNMENTS, Trajectory, read_tum
 from rhs.base.errors import ConfigError, check_choice, check_range
 from rhs.config import registry
 from rhs.config.dictionary import GROUPS, RUN, TASKS, metrics_by_group
 from rhs.runfolder.row import plain_value
-from rhs.runfolder.run import Run
+from rhs.runfolder.run import Run, load_run
 
 from .pose_forms import moved_fault, pose_fault
 from .relations import LOG_WAY, read_relations, relation_values
 from .survey import TOLERANCE_S, Values, trajectory_values
-from .trajectory_forms import numbered, read_trajectory
+from .trajectory_forms import Numbered, read_trajectory
 
 LONGEST_FAULT = 300  # characters of what one metric raised, of all that went wrong
 
@@ -28,8 +30,8 @@ def evaluate_folder(folder: Path) -> Values:
     there is no folder."""
     if not folder.is_dir():
         raise ConfigError(f"{folder}: expected a run folder, or two trajectories (TUM, KITTI, EuRoC): ESTIMATE TRUTH")
-    run = Run(folder)
-    named = run.row if (folder / "row.json").exists() else run.config
+    run = load_run(folder)
+    named = run.row if (folder / "row.json").exists() else run.config if (folder / "config.yaml").exists() else {}
     return evaluate(folder, str(named.get("task", "patrol")))
 
 
@@ -48,10 +50,13 @@ def evaluate_ways(estimate: Trajectory, truth: Trajectory, *, alignment: str = "
 
 
 def read_pair(estimate: Path, truth: Path) -> tuple[Trajectory, Trajectory]:
-    """Both trajectories. Raises ConfigError where one of them tells no time."""
+    """Both trajectories. Raises ConfigError where one of them holds nothing, or tells no time."""
     ways = read_trajectory(estimate), read_trajectory(truth)
-    untimed = [path for path, way in zip((estimate, truth), ways, strict=True) if numbered(way)]
-    if len(untimed) == 1:
+    for path, way in zip((estimate, truth), ways, strict=True):
+        if not len(way):
+            raise ConfigError(f"{path}: holds no pose; expected a trajectory, in TUM lines `stamp x y z qx qy qz qw`")
+    untimed = [path for path, way in zip((estimate, truth), ways, strict=True) if isinstance(way, Numbered)]
+    if len(untimed) == 1 and not np.array_equal(ways[0].stamps_s, ways[1].stamps_s):
         raise ConfigError(f"{untimed[0]}: its lines have no stamps and those of the other file have; write times.txt beside "
                           "it (seconds, a line for each pose; of the form of KITTI) or a stamp before each line")
     return ways

@@ -29,10 +29,14 @@ _IN_NAME = re.compile(r"(\d+(?:\.\d+)?)\.[A-Za-z]+$")
 Rows = list[tuple[int, list[str]]]
 
 
+class Numbered(Trajectory):
+    """One whose file tells no time: its stamps are the numbers of its poses."""
+
+
 def read_trajectory(path: Path) -> Trajectory:
     """A trajectory in any of these forms. Raises RecordingError with file and line."""
     way, times = _read(path), path.parent / "times.txt"
-    if not numbered(way) or not times.is_file():
+    if not isinstance(way, Numbered) or not times.is_file():
         return way
     stamps = np.array([finite_numbers([word], str(times), 1, "a line")[0] for word in times.read_text("utf-8").split()])
     if len(stamps) != len(way) or (np.diff(stamps) <= 0).any():
@@ -68,11 +72,6 @@ def _read(path: Path) -> Trajectory:
     return read_tum(path)
 
 
-def numbered(way: Trajectory) -> bool:
-    """Whether the stamps of a trajectory are the numbers of its lines, because its file tells no time."""
-    return len(way) > 1 and np.array_equal(way.stamps_s, np.arange(len(way)))
-
-
 def _is_number(word: str) -> bool:
     try:
         float(word)
@@ -95,7 +94,7 @@ def _matrices(path: Path, rows: Rows, stamped: int) -> Trajectory:
             raise RecordingError(f"{path}:{number}: the first three columns are no rotation; expected a KITTI pose")
         poses[k, :3] = np.array(values[stamped : stamped + MATRIX]).reshape(3, 4)
         stamps[k] = values[0] * seconds_in(values[0]) if stamped else k
-    return _ascending(stamps, poses)
+    return _ascending(stamps, poses) if stamped else Numbered(stamps, poses)
 
 
 def _colmap(path: Path, rows: Rows) -> Trajectory:
@@ -110,13 +109,13 @@ def _colmap(path: Path, rows: Rows) -> Trajectory:
     if not poses:
         raise RecordingError(f"{path}: no image of COLMAP with a number in its name; expected IMAGE_ID QW QX QY QZ TX TY TZ "
                              "CAMERA_ID NAME")
-    return _ascending(np.array(stamps), np.array(poses))
+    return _counted(_ascending(np.array(stamps), np.array(poses)))
 
 
 def _untimed(path: Path, rows: Rows) -> Trajectory:
     poses = [_pose(finite_numbers(words, f"{path}:{number}", UNTIMED, "x y z qx qy qz qw"), f"{path}:{number}")
              for number, words in rows]
-    return Trajectory(np.arange(len(rows), dtype=float), np.array(poses).reshape(-1, 4, 4))
+    return Numbered(np.arange(len(rows), dtype=float), np.array(poses).reshape(-1, 4, 4))
 
 
 def _graph(path: Path, rows: Rows) -> Trajectory:
@@ -129,7 +128,13 @@ def _graph(path: Path, rows: Rows) -> Trajectory:
         values = finite_numbers(words[1 : 2 + count], where, 1 + count, "of a vertex")
         numbers.append(float(int(words[1]) & GTSAM) if words[1].isdigit() else values[0])
         poses.append(se2(*values[1:]) if flat else _pose(values[1:], where))
-    return _ascending(np.array(numbers), np.array(poses).reshape(-1, 4, 4))
+    return _counted(_ascending(np.array(numbers), np.array(poses).reshape(-1, 4, 4)))
+
+
+def _counted(way: Trajectory) -> Trajectory:
+    """A way whose poses have numbers that may be times: they are none where they count from 0."""
+    counts = np.array_equal(way.stamps_s, np.arange(len(way)))
+    return Numbered(way.stamps_s, way.poses) if counts else way
 
 
 def _pose(values: list[float], where: str) -> np.ndarray:

@@ -58,7 +58,7 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
     """One row per run, sorted by what was run; the index `run` holds its folder.
 
     Settings that differ between the runs are columns too (`planner.samples`).
-    A row.json that cannot be read is reported into `unreadable`; without that list it raises RhsError.
+    A row.json that cannot be read is reported into `unreadable`; without that list it raises ConfigError.
     """
     paths = list({path.resolve(): path for path in _find(folders)}.values())  # a folder named twice counts once
     complaints: list[str] = []
@@ -71,7 +71,7 @@ def rows(folders: Iterable[Path | str], *, unreadable: list[str] | None = None) 
         if cache:
             write_cache(cache, table, complaints)
     if unreadable is None and complaints:
-        raise RhsError(complaints[0])
+        raise ConfigError(complaints[0])
     if unreadable is not None:
         unreadable += complaints
     return table
@@ -106,11 +106,11 @@ def _lines(sweeps: Iterable[Path], complaints: list[str]) -> tuple[Rows, Rows]:
 
 
 def some_rows(folders: Iterable[Path | str], unreadable: list[str]) -> pandas.DataFrame:
-    """The rows that can be read; complaints about the others go into `unreadable`. Raises RhsError when there are none."""
+    """The rows that can be read; complaints about others go into `unreadable`. Raises ConfigError when there are none."""
     table = rows(folders, unreadable=unreadable)
     where = ", ".join(map(str, folders))
     if not len(table) and unreadable:
-        raise RhsError(f"none of {len(unreadable)} row.json under {where} can be read; the first: {unreadable[0]}")
+        raise ConfigError(f"none of {len(unreadable)} row.json under {where} can be read; the first: {unreadable[0]}")
     if not len(table):
         raise ConfigError(f"no row.json under {where}; run `python -m rhs` first")
     return table

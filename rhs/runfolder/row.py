@@ -18,7 +18,7 @@ import numpy as np
 
 from rhs.api.files import replacing
 from rhs.base.commands import check_regular
-from rhs.base.errors import RhsError
+from rhs.base.errors import ConfigError, RhsError
 from rhs.config.dictionary import kind_of, rank
 
 from .folders import is_in_use
@@ -76,7 +76,7 @@ def write_row(folder: Path, row: Mapping[str, object]) -> Path:
 
 
 def read_row(path: Path) -> dict[str, object]:
-    """The row; unknown is None. Raises RhsError naming the file, and what is wrong with it, when it is not a row.
+    """The row; unknown is None. Raises ConfigError naming the file, and what is wrong with it, when it is not a row.
 
     A row that says `running` though nobody is at work in its folder is read as `killed`."""
     path = Path(path)
@@ -92,7 +92,7 @@ def read_row(path: Path) -> dict[str, object]:
         row = {name: checked_value(name, value) for name, value in row.items()}
     except (OSError, ValueError, RecursionError, RhsError) as error:
         said = error.strerror if isinstance(error, OSError) else str(error)
-        raise RhsError(f"{path} cannot be read as a row: {said}"[:180]) from error
+        raise ConfigError(f"{path} cannot be read as a row: {said}"[:180]) from error
     if row["status"] == RUNNING and not is_in_use(path.parent):
         row |= {"status": KILLED, "reason": f"its process ended without a word; python -m rhs recover {path.parent}"}
     return row
@@ -101,6 +101,8 @@ def read_row(path: Path) -> dict[str, object]:
 def plain_value(name: str, value: object) -> object:
     """The value as a row holds it under this name: a number of NumPy as a plain one, true and false as 1 and 0 where a
     number is due. Raises RhsError for one that whoever reads the row would refuse, and with it the row."""
+    if not name.isprintable() or name != name.strip() or not name or "," in name:
+        raise RhsError(f"{name!r:.80} is no name of a column; write one word, of letters, digits and _")
     if isinstance(value, np.generic | np.ndarray) and np.ndim(value) == 0:
         value = value.item()
     if isinstance(value, bool) and kind_of(name) in ("count", "number"):

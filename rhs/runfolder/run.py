@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rhs.api.grid import OccupancyGrid
 from rhs.api.trajectory import Trajectory, read_tum
-from rhs.base.errors import RhsError
+from rhs.base.errors import ConfigError, RhsError, path_of
 from rhs.worlds.maps import load_map
 
 from .row import read_row
@@ -41,6 +41,9 @@ class StepLine(Mapping[str, str]):
     def __len__(self) -> int:
         return len(self._columns)
 
+    def __repr__(self) -> str:
+        return f"StepLine({ {name: cell for name, cell in self.items() if cell} })"
+
 
 class Run:
     """One run folder. Files are read when they are asked for, once; nothing is written.
@@ -58,7 +61,7 @@ class Run:
 
     @cached_property
     def row(self) -> dict[str, object]:
-        """The row of the table; unknown is None. Raises RhsError when there is none."""
+        """The row of the table; unknown is None. Raises ConfigError when there is none."""
         return read_row(self.folder / "row.json")
 
     @cached_property
@@ -126,10 +129,10 @@ class Run:
 
 
 def load_run(folder: Path | str) -> Run:
-    """The run of that folder. Raises RhsError when it holds neither a row nor steps."""
-    run = Run(folder)
+    """The run of that folder. Raises ConfigError when it holds neither a row nor steps."""
+    run = Run(path_of(folder, "the folder of a run"))
     if not any((run.folder / name).exists() for name in ("row.json", "steps.csv", "config.yaml")):
-        raise RhsError(f"{folder} is no run folder: it holds neither row.json nor steps.csv")
+        raise ConfigError(f"{run.folder} is no run folder: it holds neither row.json nor steps.csv")
     return run
 
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rhs.base.errors import RhsError
+from rhs.base.errors import ConfigError, RhsError
 
 from .row import encoded
 
@@ -135,7 +135,7 @@ def lines_of(path: Path, broken: list[str]) -> Iterator[str]:
                 else:
                     torn += 1
     except OSError as error:
-        raise RhsError(f"{path}: {error.strerror}") from error
+        raise ConfigError(f"{path}: {error.strerror}") from error
     if torn:
         broken.append(f"{path}: {torn} line{'s are' if torn > 1 else ' is'} torn")
 

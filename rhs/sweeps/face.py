@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
@@ -33,6 +34,9 @@ def sweep_words(words: Sequence[str] | Mapping[str, Any], *, jobs: int = 0, time
     from rhs.reports.table import rows
 
     check_words(words)
+    if multiprocessing.current_process().daemon:
+        raise ConfigError("rhs.sweep: a worker of multiprocessing.Pool may start no processes, and a sweep does; call it in "
+                          "the parent, or in a concurrent.futures.ProcessPoolExecutor")
     check_range("", "jobs", jobs, low=0, high=1024)
     check_range("", "timeout_s", timeout_s, low=0.0, high=1e7, unit="s")
     mapped = words.items() if isinstance(words, Mapping) else ()

@@ -52,3 +52,34 @@ def test_two_trajectories(tmp_path, capsys):
 def test_refusals(words, capsys):
     assert main(words) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def lines(*stamps: float) -> str:
+    return "".join(f"{stamp} {0.1 * k} 0 0 0 0 0 1\n" for k, stamp in enumerate(stamps))
+
+
+def test_an_empty_file_is_named_and_not_the_other(tmp_path, capsys):
+    for name, text in (("none.tum", ""), ("header.tum", "# stamp x y z qx qy qz qw\n"), ("way.tum", lines(0, 1, 2, 3))):
+        (tmp_path / name).write_text(text)
+    for files in (("none.tum", "way.tum"), ("header.tum", "way.tum"), ("way.tum", "none.tum")):
+        assert main([str(tmp_path / name) for name in files]) == 2
+        empty = next(name for name in files if name != "way.tum")
+        assert f"{empty}: holds no pose" in capsys.readouterr().err
+
+
+def test_seconds_that_count_from_zero_are_stamps_and_lines_without_any_are_none(tmp_path, capsys):
+    (tmp_path / "truth.tum").write_text(lines(0, 1, 2, 3))
+    (tmp_path / "fine.tum").write_text(lines(*np.arange(0, 3.5, 0.5)))
+    (tmp_path / "kitti.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 4)
+    (tmp_path / "longer.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 9)
+    truth = str(tmp_path / "truth.tum")
+    assert main([str(tmp_path / "fine.tum"), truth]) == 0
+    assert main([str(tmp_path / "kitti.txt"), truth]) == 0  # a pose for each
+    capsys.readouterr()
+    assert main([str(tmp_path / "longer.txt"), truth]) == 2
+    assert "longer.txt: its lines have no stamps" in capsys.readouterr().err
+
+
+def test_a_folder_without_a_run_is_told_so(tmp_path, capsys):
+    assert main([str(tmp_path)]) == 2
+    assert "is no run folder: it holds neither row.json nor steps.csv" in capsys.readouterr().err

@@ -91,3 +91,11 @@ def test_the_golden_set_knows_every_sensor_odometry_and_localiser():
     for kind in ("sensor", "odometry", "localiser"):
         ours = {name for name in registry.names(kind) if registry.origins(kind, name)[0].distribution.startswith("rhs ")}
         assert ours <= {row.get(kind) for row in rows}, kind
+
+
+def test_a_golden_folder_lacks_its_jobs_or_a_row_before_anything_runs(tmp_path, capsys):
+    assert main(["--golden", str(tmp_path)]) == 2
+    assert "holds no jobs.yaml" in capsys.readouterr().err
+    (tmp_path / "jobs.yaml").write_text("one: [world=square_small]\n")
+    assert main(["--golden", str(tmp_path)]) == 2
+    assert f"{tmp_path.name}/one/row.json cannot be read as a row: No such file" in capsys.readouterr().err

@@ -63,7 +63,7 @@ def pickles(bench: Bench) -> None:
     bench.ask("x.tum", "x.tum", module="rhs.evaluate", code=(1, 2), says="x.tum")
     for name in ("x.yaml", "x.map"):
         bench.ask("task=planning", f"world={name}", says=name)
-    bench.ask("table", "s", code=1, says="none of 1 row.json under s can be read")
+    bench.ask("table", "s", code=2, says="none of 1 row.json under s can be read")
     untouched(bench)
 
 

@@ -226,3 +226,12 @@ def test_a_sweep_of_localisers_shows_whether_they_find_themselves_and_know(tmp_p
         run(tmp_path, name, seed=0, task="localise", localiser=name, found_share=found, belief_wrong_sure_share=0.25)
     view = summarise(rows([tmp_path]))
     assert list(view["found_share"]) == ["0.5", "1"] and list(view["belief_wrong_sure_share"]) == ["0.25", "0.25"]
+
+
+def test_a_folder_whose_rows_are_none_is_refused_by_every_command(tmp_path, capsys):
+    from rhs.cli.main import main as rhs
+
+    (tmp_path / "row.json").write_text("{}")
+    for words in (["table"], ["report"], ["verify"], ["gate", "planner=prm"]):
+        assert rhs([words[0], str(tmp_path), *words[1:]]) == 2, words
+        assert "row.json cannot be read as a row: it has no status" in capsys.readouterr().err

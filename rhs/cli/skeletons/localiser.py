@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,7 +11,8 @@ import numpy as np
 from rhs.api import Bounded, within
 from rhs.api.belief import moved
 from rhs.api.contracts import Context
-from rhs.api.records import Belief, BeliefStatus, Motion, Observation
+from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Belief, BeliefStatus, Motion, Observation, View
 
 
 @dataclass
@@ -33,7 +35,7 @@ class Part:
     def __init__(self, settings: Skeleton, rng: np.random.Generator) -> None:
         self.settings, self.rng = settings, rng
 
-    def learn(self, views, grid) -> None:
+    def learn(self, views: Sequence[View], grid: OccupancyGrid) -> None:
         """The survey's views and map: a better localiser remembers places here."""
 
     def start(self, belief: Belief | None) -> None:

@@ -76,4 +76,5 @@ class Part:
 
 def _turned(points: np.ndarray, yaw: float) -> np.ndarray:
     """(..., 2) points turned to the left."""
-    return points @ np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+    turned: np.ndarray = points @ np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+    return turned

@@ -12,6 +12,8 @@ from rhs.api import Bounded, within
 from rhs.api.contracts import Context
 from rhs.api.records import Path, PlanningProblem, PlanReason
 
+Cell = tuple[int, int]  # column, row
+
 
 @dataclass
 class Skeleton(Bounded):
@@ -52,7 +54,7 @@ class Part:
         centres = origin + (np.array(cells[::-1])[:, ::-1] + 0.5) * side
         return Path(PlanReason.OK, np.vstack([problem.start_m, centres, problem.goal_m]))
 
-    def _search(self, blocked: np.ndarray, first: tuple, last: tuple) -> tuple[dict, PlanReason]:
+    def _search(self, blocked: np.ndarray, first: Cell, last: Cell) -> tuple[dict[Cell, Cell], PlanReason]:
         """The cell before each cell that was reached, and how it ended."""
         before, waiting = {first: first}, deque([first])
         while waiting and last not in before:
