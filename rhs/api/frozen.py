@@ -48,7 +48,7 @@ class Shown:
     """A record that is printed in a line: poses and arrays in short, what is not there left out."""
 
     def __repr__(self) -> str:
-        held = [(name, getattr(self, name)) for name in _names(type(self))]
+        held = [(name, getattr(self, name)) for name in _names(type(self))]  # type: ignore[arg-type]  # as above
         return f"{type(self).__name__}({', '.join(f'{name}={_in_short(one)}' for name, one in held if one is not None)})"
 
 

@@ -125,11 +125,16 @@ def row_of(one: Running) -> tuple[str, str]:
         status, reason = one.verdict
     else:
         return status, shortfall(row) if status == "ok" else str(row.get("reason") or "")
-    one.folder.mkdir(parents=True, exist_ok=True)
-    columns = {name: value for name, value in row.items() if name not in ("pid", "started")}
-    row = with_success({**identity(one.job.config), **columns, "status": status, "reason": reason})
-    write_row(one.folder, sound(row))
+    write_last(one.job, one.folder, status, reason, row)
     return status, reason
+
+
+def write_last(job: Job, folder: Path, status: str, reason: str, row: Mapping[str, object] | None = None) -> None:
+    """The row of a job that wrote none itself, or only its first (row)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    columns = {name: value for name, value in (row or {}).items() if name not in ("pid", "started")}
+    row = with_success({**identity(job.config), **columns, "status": status, "reason": reason})
+    write_row(folder, sound(row))
 
 
 def _fate(code: int | None, folder: Path) -> tuple[str, str]:

@@ -20,7 +20,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 from pathlib import Path
 from types import ModuleType
@@ -32,7 +32,7 @@ from rhs.config.compose import identity, to_plain
 from rhs.config.loose import carried
 from rhs.runfolder.folders import job_folder
 
-from .ending import GRACE_S, LOST, TOO_MUCH, Running, ended, over, row_of
+from .ending import GRACE_S, LOST, TOO_MUCH, Running, ended, over, row_of, write_last
 from .job import Job, Limits, Outcome, alike
 from .leader import Forked, draw, lead
 from .turns import Group, Turns
@@ -41,6 +41,9 @@ from .worker import COMPILING, JOB_LOG, Task, work
 __all__ = ["PRELOAD", "Job", "Limits", "Outcome", "asked_for", "processors", "run_jobs"]
 
 _STARTING = threading.Lock()  # sweeps in threads share the environment
+# Servers that no sweep uses now, and the process that they are of. None serves two sweeps at a time, who kills the orphans
+# that fell to it, nor is it one that other code of this process began in an environment of its own.
+_idle: list[tuple[int, forkserver.ForkServer]] = []
 NOT_SHARED = "not_shared.log"  # in the sweep's folder: surveys that each job had to lead itself, and why
 # Loaded once in the server, for every job: what all runs need. Nothing here starts threads or draws random numbers.
 PRELOAD = ["rhs.patrol.run", "rhs.patrol.job", "rhs.estimation.views.features", "cv2", "numba", "scipy.ndimage",
@@ -56,7 +59,7 @@ def run_jobs(jobs: Iterable[Job], sweep: Path, limits: Limits, *, tell: Callable
     twice: it is killed. Either way the exception is raised again when all processes are gone."""
     pool = _Pool(iter(jobs), sweep, limits, tell)
     pool.outcome = outcome or pool.outcome
-    pool.context.set_forkserver_preload([*PRELOAD, *preload])
+    pool.server.set_forkserver_preload([*PRELOAD, *preload])
     try:
         while True:
             pool.fill()
@@ -94,7 +97,7 @@ class _Pool:
         self.compiling = False
         self.tries: Counter = Counter()
         self.suspects: set[str] = set()  # ran when the server was killed: they are tried again, last and alone
-        self.context = multiprocessing.get_context("forkserver")
+        self.context, self.server = multiprocessing.get_context("forkserver"), _server()
         self.lifeline, self.our_end = self.context.Pipe(duplex=False)  # breaks when this process dies: the jobs end with it
 
     def fill(self) -> None:
@@ -128,7 +131,10 @@ class _Pool:
             if group is not None:
                 self._alone(job, group)
                 return
-            self._conclude(job, "killed", f"it could not be started: {type(error).__name__}: {error}")
+            reason = f"it could not be started: {type(error).__name__}: {error}"
+            with contextlib.suppress(OSError, RhsError):
+                write_last(job, self.sweep / job.name, "killed", reason)
+            self._conclude(job, "killed", reason)
 
     def _start(self, job: Job, group: Group | None, began: float) -> Running:
         folder = job_folder(self.sweep, job.name)
@@ -167,7 +173,7 @@ class _Pool:
 
     def _process(self, target: Callable[..., None], *arguments: object) -> multiprocessing.process.BaseProcess:
         process = self.context.Process(target=target, args=arguments, daemon=False)
-        with _STARTING, _as_on_the_command_line():
+        with _STARTING, _as_on_the_command_line(self.server):
             process.start()
         return process
 
@@ -229,6 +235,7 @@ class _Pool:
             group.end()
         self.our_end.close()
         self.lifeline.close()
+        _idle.append((os.getpid(), self.server))
 
     def _others(self) -> list[int]:
         """Processes that are to live on when another ends."""
@@ -275,6 +282,16 @@ def task_of(job: Job, *, cache: bool = False) -> Task:
     return Task(to_plain(job.config), identity(job.config), carried(chosen), cache)
 
 
+def _server() -> forkserver.ForkServer:
+    """One that is free, or new."""
+    with _STARTING:
+        free = next((one for one in _idle if one[0] == os.getpid()), None)
+        if free is None:
+            return forkserver.ForkServer()
+        _idle.remove(free)
+        return free[1]
+
+
 def _left_by_key(sweep: Path) -> dict[str, list[Path]]:
     """Folders that earlier attempts left, by the hash in their names."""
     found: dict[str, list[Path]] = {}
@@ -284,20 +301,20 @@ def _left_by_key(sweep: Path) -> dict[str, list[Path]]:
 
 
 @contextlib.contextmanager
-def _as_on_the_command_line() -> Iterator[None]:
-    """For the start of a process: its sums are steady, whoever sweeps, and our path for modules.
+def _as_on_the_command_line(server: forkserver.ForkServer) -> Iterator[None]:
+    """For the start of a process by this server: its sums are steady, whoever sweeps, and our path for modules.
     multiprocessing would run the file of the main module again in each process: what a job needs of it, it is sent.
     Ctrl-C waits, and is none of the server's while that loads (`server.py`)."""
-    main, environment = sys.modules["__main__"], dict(os.environ)
+    main, environment, connect = sys.modules["__main__"], dict(os.environ), forkserver.connect_to_new_process
     resource_tracker.ensure_running()  # which would take the block away again
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     ours = steady() | {SWEEP_PATH: os.pathsep.join(sys.path)}
     os.environ |= ours
-    sys.modules["__main__"] = ModuleType("__main__")
+    sys.modules["__main__"], forkserver.connect_to_new_process = ModuleType("__main__"), server.connect_to_new_process
     try:
         yield
     finally:
-        sys.modules["__main__"] = main
+        sys.modules["__main__"], forkserver.connect_to_new_process = main, connect
         for name in ours:
             os.environ.pop(name)
             if name in environment:
