@@ -92,6 +92,7 @@ def test_the_config_in_the_run_folder_gives_the_run_again(whole_run):
 
 @pytest.mark.parametrize(("words", "says"), [
     (["sed=3"], "unknown key sed; did you mean seed?"),
+    (["cach=false"], "unknown key cach; did you mean cache?"),
     (["source.path=walk.bag"], "unknown key source.path: source=fake has no such setting; type source=replay too"),
     (["planner=fak"], "did you mean fake?"),
     (["planner=broken"], "rhs_fakes.broken:Broken from rhs-fakes 0.1) cannot be imported: ModuleNotFoundError"),

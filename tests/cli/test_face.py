@@ -293,6 +293,15 @@ def test_a_step_is_printed_in_one_line(tmp_path):
     assert repr(step).startswith("Step(index=0, phase='survey', stamp_s=") and len(repr(step)) < 150
 
 
+def test_records_and_lines_of_steps_are_printed_in_a_line(tmp_path):
+    *_, step = rhs.steps([*CHOICE, f"output={tmp_path / 'run'}"])
+    assert repr(step.motion).startswith("Motion(previous_from_body=<pose at 0.")
+    assert "status=Tracking.OK" in repr(step.motion)
+    assert "ranges_m=<(60,) float64>" in repr(step.observation) and "\n" not in repr(step.observation)
+    assert "Camera(width=32, height=24, fx=29.4" in repr(step.observation.camera)
+    assert repr(rhs.load_run(tmp_path / "run").steps[0]).startswith("StepLine({'index': '0', 'phase': 'survey', 'stamp_s'")
+
+
 def test_a_sweep_is_a_data_frame(tmp_path):
     table = rhs.sweep({"task": "planning", "world": "map1", "planner": ["astar", "theta_star"], "seed": [0],
                        "output": str(tmp_path / "s")}, jobs=1)
@@ -302,6 +311,9 @@ def test_a_sweep_is_a_data_frame(tmp_path):
 
 @pytest.mark.parametrize(("call", "says"), [
     (lambda: rhs.sweep(["seed=0,1"], jobs="2", quiet=True), "jobs='2': expected a number, found str"),
+    (lambda: rhs.load_run(None), "found None of type NoneType; expected the folder of a run, as a text or a Path"),
+    (lambda: rhs.table(b"runs"), "found b'runs' of type bytes; expected a folder of runs"),
+    (lambda: rhs.evaluate("a.tum", 3), "found 3 of type int; expected a trajectory"),
     (lambda: rhs.register("planner", 3, int), "planner=3: a plugin's name is letters"),
     (lambda: rhs.register("planner", "mine", lambda: 1), "found an object of function; give the class itself")])
 def test_what_is_of_the_wrong_type_is_refused_in_one_line(call, says):

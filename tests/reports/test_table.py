@@ -228,6 +228,18 @@ def test_a_sweep_of_localisers_shows_whether_they_find_themselves_and_know(tmp_p
     assert list(view["found_share"]) == ["0.5", "1"] and list(view["belief_wrong_sure_share"]) == ["0.25", "0.25"]
 
 
+@pytest.mark.parametrize(("words", "says"), [
+    (["table", "--comapre", "planner"], "unknown option --comapre; did you mean --compare?"),
+    (["compare", "--frmat"], "compare: found --frmat; say what and where"),
+    (["gate", "--measur"], "unknown option --measur; did you mean --measure?"),
+    (["cache", "--clear"], "cache: unknown option --clear")])
+def test_a_mistyped_option_is_named_before_what_is_missing(words, says, capsys):
+    from rhs.cli.main import main as rhs
+
+    assert rhs(words) == 2
+    assert says in capsys.readouterr().err
+
+
 def test_a_folder_whose_rows_are_none_is_refused_by_every_command(tmp_path, capsys):
     from rhs.cli.main import main as rhs
 

@@ -9,7 +9,7 @@ import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from types import SimpleNamespace
-from typing import ClassVar
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 import pytest
@@ -30,12 +30,17 @@ from rhs.config import loose, registry
 from rhs.config.compose import compose_config
 from rhs.metrics.evaluate import evaluate
 from rhs.patrol.face import config_of
+from rhs.runfolder.row import sound
 from rhs.sweeps.face import _words
 from rhs.testing import check_plugin
 from rhs.testing.planners import empty, problem
 from rhs.testing.room import CAMERA
 
 pytestmark = pytest.mark.usefixtures("afresh")
+
+
+class Pair(NamedTuple):
+    x: float
 
 
 class Heuristic(enum.Enum):
@@ -92,12 +97,37 @@ def test_a_setting_that_is_not_finite_is_refused_for_everybody(wrong):
 
 @pytest.mark.parametrize(("hint", "default", "says"), [
     (np.ndarray, 1.0, "setting odd of type ndarray cannot"), ("Nowhere", 1.0, "cannot be looked up: name 'Nowhere'"),
-    (float, None, "setting odd has no default value")])
+    (float, None, "setting odd has no default value"), (float, "fast", "default of setting odd does not fit.*odd=fast"),
+    (np.float64, np.float64(1.0), "odd of type float64 cannot"), (Pair, Pair(1.0), "setting odd of type Pair cannot")])
 def test_a_setting_that_nobody_can_type_is_named(hint, default, says):
     body = {"__annotations__": {"odd": hint}, "build": Straight.build, "needs": frozenset(), "provides": frozenset()}
     odd = dataclass(type("Odd", (), body | ({} if default is None else {"odd": default})))
     with pytest.raises(ConfigError, match=says):
         rhs.register("planner", "odd", odd)
+
+
+@pytest.mark.parametrize(("kind", "name", "says"), [
+    ("planner", "defaults", "setting defaults has a name that rhs uses itself"), ("planner", "länge", "länge cannot"),
+    ("task", "experiment", "called experiment, which rhs uses"), ("task", "hydra", "called hydra, which rhs uses")])
+def test_a_setting_whose_name_leads_elsewhere_is_refused(kind, name, says):
+    """Seen: `Invalid defaults list`, `its file must begin with the line`."""
+    body = {"__annotations__": {name: float}, name: 1.0, "build": Straight.build, "needs": frozenset(),
+            "provides": frozenset(), "kinds": ()}
+    with pytest.raises(ConfigError, match=says):
+        rhs.register(kind, "odd", dataclass(type("Odd", (), body)))
+
+
+def test_true_is_not_1_and_a_key_may_be_of_an_enumeration():
+    @dataclass
+    class Odd:
+        choice: Literal[1, 2, "auto"] = "auto"
+        prices: dict[Heuristic, float] = field(default_factory=dict)
+
+    Odd.__annotations__ = {"choice": Literal[1, 2, "auto"], "prices": dict[Heuristic, float]}
+    with pytest.raises(ConfigError, match="planner.choice=true: expected 1 | 2 | auto"):
+        plain.make(Odd, {"choice": True}, "planner")
+    made = plain.make(Odd, {"choice": 1, "prices": {"ZERO": 2}}, "planner")
+    assert made.prices == {Heuristic.ZERO: 2.0} and plain.make(Odd, plain.plain(made), "planner") == made
 
 
 @pytest.mark.parametrize(("kinds", "says"), [
@@ -125,6 +155,25 @@ def test_a_missing_method_or_one_with_other_arguments_is_named(kind, part, says)
     with pytest.raises(ContractError) as caught:
         complete(kind, part)
     assert says in str(caught.value)
+
+
+def test_a_method_that_yields_or_is_async_is_refused_before_it_does_nothing():
+    """Seen: a mapper whose update holds a yield was never run, and the map stayed empty."""
+    class Lazy:
+        def update(self, map_from_body, scan):
+            yield scan
+
+        async def grid(self):
+            return None
+
+        def reset(self):
+            return None
+
+    with pytest.raises(ContractError, match="Lazy.update yields or is async"):
+        complete("mapper", Lazy())
+    Lazy.update = lambda self, map_from_body, scan: None
+    with pytest.raises(ContractError, match="Lazy.grid yields or is async"):
+        complete("mapper", Lazy())
 
 
 @pytest.mark.parametrize(("kind", "said", "says"), [
@@ -275,6 +324,17 @@ def test_objects_in_a_sweep_are_words():
         "zip(planner=straight,straight planner.reach_m=1.0,5.0 planner.heuristic='octile','zero')"]
     with pytest.raises(ConfigError, match="objects in a list are of one class"):
         list(_words("planner", [Straight(reach_m=1.0), "astar"]))
+
+
+@pytest.mark.parametrize("name", ["", " a", "a,b", "a\nb"])
+def test_what_is_no_name_of_a_column_is_told(name):
+    assert sound({name: 1, "good": 2}) == {"good": 2, "row_failures": sound({name: 1})["row_failures"]}
+    assert "no name of a column" in sound({name: 1})["row_failures"]
+
+
+def test_one_metric_is_registered_as_several_are(tmp_path):
+    rhs.register("metric", "alone", Metric("alone_m", "m", "one", "nothing", lambda run: 7.0, tasks=()))
+    assert evaluate(tmp_path)["alone_m"] == 7.0
 
 
 def test_a_metric_takes_no_column_that_there_is(tmp_path):

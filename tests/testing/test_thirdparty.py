@@ -105,3 +105,26 @@ def test_a_second_plugin_of_one_name_is_refused_with_both_origins(site, tmp_path
     assert "registered twice" in str(caught.value)
     assert "straight-line-planner 0.3" in str(caught.value)
     assert "impostor 9" in str(caught.value)
+
+
+def test_who_takes_a_name_of_ours_is_to_be_renamed_and_not_rhs_uninstalled(tmp_path):
+    entry = tmp_path / "taker-1.dist-info"
+    entry.mkdir()
+    (entry / "METADATA").write_text("Metadata-Version: 2.1\nName: taker\nVersion: 1\n")
+    (entry / "entry_points.txt").write_text("[rhs.planner]\nprm = taker:Prm\n")
+    with installed(tmp_path), pytest.raises(PluginError, match="; rename one of them, or uninstall taker 1$"):
+        registry.load("planner", "prm")
+
+
+def test_a_module_that_is_another_packages_is_named_by_its_file(tmp_path):
+    for name, module in (("one", "rhs.api.nothing_there:A"), ("two", "straight_lines:B")):
+        entry = tmp_path / f"{name}-1.dist-info"
+        entry.mkdir()
+        (entry / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
+        (entry / "entry_points.txt").write_text(f"[rhs.planner]\n{name} = user_{name}:P\nother_{name} = {module}\n")
+    (tmp_path / "straight_lines.py").write_text("A = 1\n")
+    (tmp_path / "user_one.py").write_text("import rhs.api.nothing_there\n")
+    with installed(tmp_path):
+        said = {name: str(registry.failure("planner", name)) for name in ("one", "other_two")}
+    assert "No module named 'rhs.api.nothing_there' (user_one.py:1)" in said["one"] and "pip install" not in said["one"]
+    assert f"no attribute 'B' ({tmp_path / 'straight_lines.py'})" in said["other_two"]
