@@ -97,6 +97,7 @@ def claim_run(output: str, *, seed: int, overwrite: bool = False) -> Claim:
 
     Raises ConfigError when it holds a run (unless overwrite) or anything else, is in use, or cannot be written.
     """
+    _check_here()
     if not output:
         return _claim_new(ROOT / "runs", f"{_now()}_seed{seed}")
     folder = _absolute(output)
@@ -121,6 +122,7 @@ def claim_run(output: str, *, seed: int, overwrite: bool = False) -> Claim:
 
 def claim_sweep(output: str, *, resume: bool = False) -> Claim:
     """The folder of a sweep: `output`, or a new one under results/sweeps. Raises ConfigError like claim_run."""
+    _check_here()
     if not output:
         return _claim_new(ROOT / "sweeps", _now())
     folder = _absolute(output)
@@ -195,6 +197,14 @@ def _is_finished(folder: Path) -> bool:
         return '"status": "running"' not in (folder / ROW).read_text(encoding="utf-8", errors="replace")[:200]
     except OSError:
         return False
+
+
+def _check_here() -> None:
+    """Parts, and the paths that were typed, need a working directory."""
+    try:
+        os.getcwd()
+    except FileNotFoundError as error:
+        raise ConfigError("the folder that this was started in is gone; cd to one that is there") from error
 
 
 def _absolute(output: str) -> Path:

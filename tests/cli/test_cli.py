@@ -99,7 +99,7 @@ def test_the_config_in_the_run_folder_gives_the_run_again(whole_run):
     (["planner.samples=906970164"], "[1, 1000000]"),
     (["world=nowhere"], "nowhere"),
     (["hydra.ouput_subdir=x"], "did you mean hydra.output_subdir?"),
-    (["--multirum"], "see python -m rhs --help"),
+    (["--multirum"], "unknown option --multirum; did you mean --multirun?"),
     (["--config-dir", "absent"], "there is no such folder"),
     (["-m", "seed=0,-1"], "seed=-1 is outside the allowed range"),
     (["-m", "'seed=range(0)"], "cannot read"),

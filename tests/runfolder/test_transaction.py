@@ -7,7 +7,7 @@ import os
 import pytest
 
 from rhs.api.errors import ConfigError
-from rhs.runfolder.folders import claim_run, is_in_use
+from rhs.runfolder.folders import claim_run, claim_sweep, is_in_use
 from rhs.runfolder.row import begin_row, read_row, sound, write_row
 
 
@@ -112,3 +112,12 @@ def test_what_a_row_cannot_hold_is_named_and_the_rest_kept(tmp_path):
 def test_a_folder_whose_name_this_locale_cannot_read_is_refused():
     with pytest.raises(ConfigError, match=r"/\?\?_runs: this locale cannot read the folder's name; set PYTHONUTF8=1"):
         claim_run("\udcc3\udcb6_runs", seed=0)
+
+
+def test_a_working_directory_that_is_gone_is_told(tmp_path, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    for claim in (lambda: claim_run(str(tmp_path / "run"), seed=0), lambda: claim_sweep("")):
+        with pytest.raises(ConfigError, match="the folder that this was started in is gone; cd to one"):
+            claim()
