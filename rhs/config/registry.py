@@ -309,6 +309,9 @@ def _check_plugin(cls: Any, origin: Origin) -> None:
         value = getattr(cls, word, None)
         if not isinstance(value, (frozenset, set)) or not all(isinstance(v, str) for v in value):
             raise PluginError(f"{who} declares no {word}; write `{word}: ClassVar[frozenset[str]] = frozenset()`")
+    preload = getattr(cls, "preload", ())
+    if not isinstance(preload, tuple | list) or not all(isinstance(one, str) for one in preload):
+        raise PluginError(f"{who}: preload is {preload!r}; expected a tuple of modules to import, as (\"scipy\",)")
     if origin.kind == "task" and not isinstance(getattr(cls, "kinds", None), tuple | list):
         raise PluginError(f'{who} declares no kinds; write `kinds: ClassVar[tuple[str, ...]] = ("planner",)`, those it has')
     if origin.kind == "task" and (wrong := sorted(set(plugin.kinds) - set(PLUGIN_KINDS))):

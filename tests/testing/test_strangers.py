@@ -140,6 +140,13 @@ def test_the_kinds_of_a_task_are_a_tuple_of_kinds(kinds, says):
         rhs.register("task", "odd", dataclass(type("Odd", (), body | kinds)))
 
 
+@pytest.mark.parametrize("preload", ["scipy", (3,), None])
+def test_modules_to_load_once_are_a_tuple_of_names(preload):
+    """Seen: `TypeError: '<' not supported between instances of 'str' and 'int'`."""
+    with pytest.raises(ConfigError, match="preload is .*; expected a tuple of modules"):
+        rhs.register("planner", "odd", dataclass(type("Odd", (Straight,), {"preload": preload})))
+
+
 def test_a_build_without_context_is_refused():
     with pytest.raises(ConfigError, match=r"has no build\(self, context\)"):
         rhs.register("planner", "odd", dataclass(type("Odd", (Straight,), {"build": lambda self: self})))
