@@ -56,7 +56,7 @@ class Barred:
         self.seen_obstacles: list[np.ndarray] = []
         self.queued: list[Twist] = []  # commands before anything else is planned
         self.looked_again, self.ventured, self.last_reason, self.bars = False, False, "", ""
-        self.progress, self.aside, self.guard.refused_for_hidden = Progress(), Aside(), 0
+        self.progress, self.aside, self.guard.refused_for_hidden, self.guard.pressed = Progress(), Aside(), 0, 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
