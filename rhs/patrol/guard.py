@@ -14,7 +14,7 @@ from rhs.estimation.scans.settings import VoteSettings
 
 from .control import TURN_RATE_MAX_RADPS, Pace, turn
 from .neighbours import near_any
-from .surroundings import BUMP_POINTS, CELL_M, NOTHING, SURE, THING, Surroundings
+from .surroundings import CELL_M, NOTHING, SURE, THING, Surroundings
 
 CURVES_PER_M = np.array([-2.5, -1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6, 2.5])  # of the arcs tried when the wished one is barred
 BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and what it sees of it is some time ago
@@ -82,7 +82,7 @@ class Guard:
         self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; monocular
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
-        self._bumps_m = NOTHING  # (K, 2) what was touched and not left since, in the frame of the surroundings
+        self._bumps: list[np.ndarray] = []  # (7, 2) marks of touches not left since, in the frame of the surroundings
         self.pressed, self._away = 0, 0.0  # touches again of the same on the way to a place; side to which it turns from it
 
     @property
@@ -124,7 +124,8 @@ class Guard:
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view and what came of the command before it."""
         self.around.observe(observation, motion)
-        self._bumps_m = self._bumps_m[np.hypot(*self.bumps_m.T) < self.radius_m + PRESSED_M]
+        near_m = self.radius_m + PRESSED_M
+        self._bumps = [mark for mark in self._bumps if np.hypot(*self.around.in_body(mark).T).min() < near_m]
         if self.given is None or self.given.forward_mps or not self.given.turn_radps:
             self._here_s = self.around.now_s
         wished_m = abs(self.given.forward_mps) * self.given.duration_s if self.given else 0.0
@@ -139,8 +140,8 @@ class Guard:
         robot that went back already and touched nothing goes back further; where something moves, over ground that it has
         just seen or come over. walls_m (K, 2): of the map, in the body frame."""
         touched, self.touched, self._still = self.touched, False, 0
-        if len(self.bumps_m) > BUMP_POINTS:
-            return None  # two touches with no way between them: nobody knows what is behind
+        if self._between:
+            return None  # nobody sees what is behind
         came = self.given
         if came is None or came.forward_mps == 0.0 or (came.forward_mps < 0.0 and not touched):
             came = Twist(self.pace.speed_mps, 0.0, 1.0)
@@ -160,30 +161,35 @@ class Guard:
         """Mark what was touched; its (K, 2) points in the body frame, in which known_m (K, 2) is what else is known."""
         touched_m = self.around.bump(self.given.forward_mps if self.given else 1.0, known_m)
         self.pressed += bool(near_any(touched_m, self.bumps_m, AGAIN_M).any())
-        self._bumps_m = np.concatenate([self._bumps_m, self.around.in_frame(touched_m)])
+        self._bumps.append(self.around.in_frame(touched_m))
         self._away = 0.0
         return touched_m
 
     @property
     def bumps_m(self) -> np.ndarray:
-        """(K, 2) what was touched and not left since, in the body frame: known whatever became of belief, pictures and votes."""
-        return self.around.in_body(self._bumps_m)
+        """(K, 2) what was touched and not left since, in the body frame: known whatever becomes of belief and votes."""
+        return self.around.in_body(np.concatenate([NOTHING, *self._bumps]))
+
+    @property
+    def _between(self) -> bool:
+        """Whether something was touched on two sides, 60 degrees apart or more, and neither was left."""
+        marks_m = np.array([self.around.in_body(mark).mean(axis=0) for mark in self._bumps]).reshape(-1, 2)
+        sides = marks_m / np.hypot(*marks_m.T)[:, None]
+        return bool((sides @ sides.T < 0.5).any())
 
     def off_touched(self, command: Twist) -> Twist:
         """The command, or in the place of one that leads against what was touched a turn on the spot away from it, the same
         way round until there is room."""
         bumps_m = self.bumps_m
         if not len(bumps_m) or command.forward_mps == 0.0:
-            self._away = self._away if len(bumps_m) else 0.0
             return command
         wished_m = abs(command.forward_mps) * command.duration_s
-        way_m = self.around.way_to_m(command, bumps_m, CELL_M + BEHIND_M, wished_m)
+        way_m = self.around.way_to_m(command, bumps_m, np.full(len(bumps_m), CELL_M + BEHIND_M), wished_m)
         if way_m >= min(wished_m, LEAST_M):
-            return _cut(command, min(way_m, wished_m))
+            return command if way_m >= wished_m else _cut(command, way_m)
         if not self._away:
-            sign = 1.0 if command.forward_mps > 0.0 else -1.0
-            nearest = bumps_m[np.argmin(np.hypot(*bumps_m.T))] * sign
-            self._away = -1.0 if nearest[1] > 0.0 else 1.0
+            nearest_m = bumps_m[np.argmin(np.hypot(*bumps_m.T))] * np.sign(command.forward_mps)
+            self._away = -1.0 if nearest_m[1] > 0.0 else 1.0
         return turn(self._away * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def allow(self, command: Twist, target_m: np.ndarray | None = None) -> tuple[Twist | None, Event | None]:

@@ -28,7 +28,6 @@ HIDES_M = 0.5  # furniture that stands in the way is as deep as that; what of it
 HIDDEN_M = 1.0  # what is hidden further away is no matter of the next command
 MAPPED_M = 0.12  # so near to something of the map a thing is that: half of its cell, and the belief's error
 TRAIL_S = 2.0  # nothing that walks on is seen for longer in one cell; other low things are kept unless they bar for long
-BUMP_POINTS = 7  # of the mark of one touch
 NEXT_M = 2 * CELL_M  # what is known to stand this near the robot's side is what it touches
 CELL_REACH_M = 0.7 * CELL_M  # from the middle of a cell to its corners
 STEPS_M = 0.15  # so near its side the robot looked before it drove up: GuardSettings.ahead_m
@@ -225,12 +224,10 @@ class Surroundings:
 
     def _cells(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) row and column of (K, 2) points of the frame."""
-        column_row = np.floor((points_m - self.at_eye.origin_m) / CELL_M).astype(int)
-        return np.clip(column_row[:, ::-1], 0, len(self.seen_s) - 1)
+        return np.clip(np.floor((points_m - self.at_eye.origin_m) / CELL_M).astype(int)[:, ::-1], 0, len(self.seen_s) - 1)
 
     def _cells_at(self, points_m: np.ndarray) -> np.ndarray:
-        """(K, 2) row and column of (K, 2) points of the body frame."""
-        return self._cells(self.in_frame(points_m))
+        return self._cells(self.in_frame(points_m))  # of points (K, 2) of the body frame
 
     def things(self, within_s: float = np.inf, *, least: float = THING) -> np.ndarray:
         """(K, 2) things near the robot that were looked at in the last within_s seconds, metres in its body frame. least:
@@ -267,7 +264,7 @@ class Surroundings:
     def bump(self, ahead: float, known_m: np.ndarray = NOTHING) -> np.ndarray:
         """Something was touched at the front (ahead > 0) or the back: where something is known to stand, by what was seen or
         else known_m (K, 2) in the body frame, else in the middle; the (K, 2) points of it in the body frame."""
-        angles = np.radians(np.linspace(-30.0, 30.0, BUMP_POINTS)) + self._touched_at_rad(ahead, known_m)
+        angles = np.radians(np.linspace(-30.0, 30.0, 7)) + self._touched_at_rad(ahead, known_m)
         points = ((self._reach_m(angles) + CELL_M) * np.stack([np.cos(angles), np.sin(angles)])).T
         cells = self._cells_at(points)
         self.below.votes[cells[:, 0], cells[:, 1]] = self.below.settings.most
@@ -297,18 +294,17 @@ class Surroundings:
         middles of cells in which something may stand, up to their corners where something moves; least: votes; turned_rad:
         of a robot that turns on the spot first."""
         seen = self.things(least=least)
-        things = np.concatenate([seen, walls_m, hidden_m])
+        things = np.concatenate([seen, walls_m, hidden_m]) @ se2(0.0, 0.0, turned_rad)[:2, :2]  # as it will have them ahead
         margins_m = np.full(len(things), margin_m)
         margins_m[:len(seen)] += self._unsure_m(seen)
         margins_m[len(seen) + len(walls_m):] += CELL_REACH_M * self.moves
-        c, s = np.cos(turned_rad), np.sin(turned_rad)
-        return self.way_to_m(command, things @ np.array([[c, -s], [s, c]]), margins_m, up_to_m)  # as it will have them before it
+        return self.way_to_m(command, things, margins_m, up_to_m)
 
-    def way_to_m(self, command: Twist, things: np.ndarray, margins_m: np.ndarray | float, up_to_m: float) -> float:
-        """The same to these things (K, 2) of the body frame alone."""
+    def way_to_m(self, command: Twist, things: np.ndarray, margins_m: np.ndarray, up_to_m: float) -> float:
+        """The same to these things (K, 2) of the body frame alone, by margins (K,)."""
         if not len(things):
             return up_to_m
-        margins_m, (at, way) = np.broadcast_to(margins_m, len(things)), arc(command, up_to_m)
+        at, way = arc(command, up_to_m)
         gaps_m = np.linalg.norm(at[:, None] - things, axis=2) - self.radius_m
         if self.footprint is None:
             wrong = nears(gaps_m, np.linalg.norm(things, axis=1) - self.radius_m, margins_m)
@@ -354,7 +350,7 @@ class Surroundings:
         gaps = np.linalg.norm(self._patches[:, None] - at[None, ::2], axis=2).min(axis=1)
         side_m = self.radius_m + margin_m
         ahead = self._patches[(gaps < side_m) & (np.hypot(*self._patches.T) > side_m)]
-        return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
+        return self.still_unseen(self.in_frame(ahead), since_s)
 
     def hidden(self, *, low: bool = True, within_m: float = HIDDEN_M, deep_m: float = HIDES_M,
                mapped_m: float = MAPPED_M) -> np.ndarray:
@@ -396,11 +392,9 @@ class Surroundings:
         self._saw(self._cells(points_m[~near_any(self.in_body(points_m), self._unknown()[0], HIDES_M)]))
 
     def in_frame(self, points_m: np.ndarray) -> np.ndarray:
-        """(K, 2) points of the robot's body frame, in this frame."""
-        there: np.ndarray = points_m @ self.pose[:2, :2].T + self.pose[:2, 3]
-        return there
+        """(K, 2) points of the body frame, in this frame."""
+        return np.asarray(points_m @ self.pose[:2, :2].T + self.pose[:2, 3])
 
     def in_body(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) points of this frame, in the robot's body frame."""
-        body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
-        return body
+        return np.asarray((points_m - self.pose[:2, 3]) @ self.pose[:2, :2])
