@@ -82,7 +82,7 @@ class Guard:
         self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; monocular
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
-        self._bumps: list[np.ndarray] = []  # (7, 2) marks of touches not left since, in the frame of the surroundings
+        self._bumps: list[np.ndarray] = []  # (7, 2) marks of touches, in the frame of the surroundings
         self.pressed, self._away = 0, 0.0  # touches again of the same on the way to a place; side to which it turns from it
 
     @property
@@ -124,8 +124,8 @@ class Guard:
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view and what came of the command before it."""
         self.around.observe(observation, motion)
-        near_m = self.radius_m + PRESSED_M
-        self._bumps = [mark for mark in self._bumps if np.hypot(*self.around.in_body(mark).T).min() < near_m]
+        if self.around.map_m is not None:  # else nobody else knows of them
+            self._bumps = self.beside
         if self.given is None or self.given.forward_mps or not self.given.turn_radps:
             self._here_s = self.around.now_s
         wished_m = abs(self.given.forward_mps) * self.given.duration_s if self.given else 0.0
@@ -166,14 +166,21 @@ class Guard:
         return touched_m
 
     @property
+    def beside(self) -> list[np.ndarray]:
+        """Marks (7, 2) of what was touched and not left since, in the frame of the surroundings."""
+        near_m = self.radius_m + PRESSED_M
+        return [mark for mark in self._bumps if np.hypot(*self.around.in_body(mark).T).min() < near_m]
+
+    @property
     def bumps_m(self) -> np.ndarray:
-        """(K, 2) what was touched and not left since, in the body frame: known whatever becomes of belief and votes."""
+        """(K, 2) that and, until the robot knows where it is, all that was touched, in the body frame: whatever becomes of
+        votes."""
         return self.around.in_body(np.concatenate([NOTHING, *self._bumps]))
 
     @property
     def _between(self) -> bool:
         """Whether something was touched on two sides, 60 degrees apart or more, and neither was left."""
-        marks_m = np.array([self.around.in_body(mark).mean(axis=0) for mark in self._bumps]).reshape(-1, 2)
+        marks_m = np.array([self.around.in_body(mark).mean(axis=0) for mark in self.beside]).reshape(-1, 2)
         sides = marks_m / np.hypot(*marks_m.T)[:, None]
         return bool((sides @ sides.T < 0.5).any())
 

@@ -287,13 +287,13 @@ class Sentinel(Barred):
 
     def _touched_often(self) -> str | None:
         """Why the place is given up for what was touched on the way to it, if it is."""
-        if self.guard.pressed:
-            return f"contact: touched the same thing again without room to leave it ({self.contacts} touches)"
+        if self.guard.pressed and self.contacts > 1:
+            return f"contact: touched the same thing again and had not left it ({self.contacts} touches)"
         return f"contact: touched something unseen {self.contacts} times" if self.contacts > self.settings.contacts else None
 
     def _no_way_on(self) -> str | None:
         """The same of a lost robot beside what it touched, that has not come away from it either."""
-        if not len(self.guard.bumps_m):
+        if not self.guard.beside:
             return None
         return self._touched_often() or self._stuck(planar(self.guard.around.pose))
 

@@ -99,15 +99,17 @@ def test_a_command_against_what_was_touched_becomes_a_turn_away_from_it_whatever
     guard.around.forget()
     assert guard.off_touched(ahead).forward_mps == 0.0 != guard.off_touched(ahead).turn_radps
     assert guard.off_touched(Twist(-0.5, 0.0, 0.5)).forward_mps == -0.5, "away from it"
+    guard.around.map_m = np.zeros((0, 2))
     guard.observe(view(2), replace(STILL, previous_from_body=se2(-0.6, 0.0, 0.0)))
-    assert guard.off_touched(ahead) is ahead, "it has left it"
+    assert guard.off_touched(ahead) is ahead and not len(guard.bumps_m), "it has left it and knows the map"
 
 
 def test_the_same_touched_again_ends_the_way_to_the_place_with_its_reason() -> None:
     world = Cage()
     sentinel = Sentinel(parts(None), world.grid(), (), places=PLACES, radius_m=world.radius, settings=MissionSettings())
     sentinel.guard.observe(view(1), STILL)
-    sentinel.guard.bump()
-    assert sentinel._touched_often() is None
-    sentinel.guard.bump()
+    for touches in (1, 2):
+        assert sentinel._touched_often() is None
+        sentinel.guard.bump()
+        sentinel.contacts = touches
     assert "same thing again" in (sentinel._touched_often() or "")
