@@ -112,9 +112,13 @@ class Barred:
             self.bars = self._what_bars(first_on_way(way, seen, pose[:2], self.grid.resolution_m, else_m=at))
         if self._ventures(pose, events):
             return None  # there is a path now
-        touched = f" (touches: {self.contacts})" if self.contacts else ""
-        self._leave(f"no path: {self.last_reason}{self.bars}{touched}", pose, events, later=len(seen) > 0)
+        self._leave(f"no path: {self.last_reason}{self.bars}{self._touches}", pose, events, later=len(seen) > 0)
         return None
+
+    @property
+    def _touches(self) -> str:
+        """Of this place so far, for the reason why it is given up."""
+        return f" (touches: {self.contacts})" if self.contacts else ""
 
     def _what_bars(self, at_m: np.ndarray) -> str:
         """What stands in the way at (2,), in words: somebody, where somebody was seen to walk in this patrol."""

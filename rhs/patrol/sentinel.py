@@ -164,7 +164,7 @@ class Sentinel(Barred):
             queued, straight_m = self.queued.pop(0), np.array([1.0, 0.0])
             return queued if queued.turn_radps else self._safely(queued, straight_m, pose, events)
         if (why := self._stuck(pose)) is not None:
-            self._leave(f"no progress: {why}", pose, events)
+            self._leave(f"no progress: {why}{self._touches}", pose, events)
             return None
         if self.views_spent > self.settings.views_max:
             self._finish(MissionStatus.GAVE_UP, f"budget spent: mission.views_max={self.settings.views_max} views", events)
