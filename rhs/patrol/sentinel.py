@@ -295,7 +295,8 @@ class Sentinel(Barred):
         """The same of a lost robot beside what it touched, that has not come away from it either."""
         if not self.guard.beside:
             return None
-        return self._touched_often() or self._stuck(planar(self.guard.around.pose))
+        stuck = self._stuck(planar(self.guard.around.pose))
+        return self._touched_often() or (f"{stuck} beside what it touched" if stuck else None)
 
     def _find_oneself(self, belief: Belief, scan: Scan | None, events: list[Event]) -> Decision:
         """Not knowing where it is, the robot looks for itself until it knows again, or gives the place up."""

@@ -87,7 +87,7 @@ def test_a_robot_boxed_in_presses_at_most_twice_and_gives_its_places_up(sees: bo
 
 def test_a_lost_robot_says_that_it_did_not_come_away_from_what_it_touched() -> None:
     reasons = [mission.reason for mission in boxed_in(sees=False, lost=True)[0].book.missions]
-    assert all(reason.startswith("lost") and "moved the robot less than 5 cm" in reason for reason in reasons)
+    assert all(reason.startswith("lost") and "beside what it touched" in reason for reason in reasons)
 
 
 def test_a_command_against_what_was_touched_becomes_a_turn_away_from_it_whatever_was_forgotten() -> None:
