@@ -56,7 +56,7 @@ class Barred:
         self.seen_obstacles: list[np.ndarray] = []
         self.queued: list[Twist] = []  # commands before anything else is planned
         self.looked_again, self.ventured, self.last_reason, self.bars = False, False, "", ""
-        self.progress, self.aside, self.guard.refused_for_hidden = Progress(), Aside(), 0
+        self.progress, self.aside, self.guard.refused_for_hidden, self.guard.pressed = Progress(), Aside(), 0, 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
@@ -112,9 +112,13 @@ class Barred:
             self.bars = self._what_bars(first_on_way(way, seen, pose[:2], self.grid.resolution_m, else_m=at))
         if self._ventures(pose, events):
             return None  # there is a path now
-        touched = f" (touches: {self.contacts})" if self.contacts else ""
-        self._leave(f"no path: {self.last_reason}{self.bars}{touched}", pose, events, later=len(seen) > 0)
+        self._leave(f"no path: {self.last_reason}{self.bars}{self._touches}", pose, events, later=len(seen) > 0)
         return None
+
+    @property
+    def _touches(self) -> str:
+        """Of this place so far, for the reason why it is given up."""
+        return f" (touches: {self.contacts})" if self.contacts else ""
 
     def _what_bars(self, at_m: np.ndarray) -> str:
         """What stands in the way at (2,), in words: somebody, where somebody was seen to walk in this patrol."""

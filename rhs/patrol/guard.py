@@ -13,7 +13,8 @@ from rhs.api.robot_shape import Footprint
 from rhs.estimation.scans.settings import VoteSettings
 
 from .control import TURN_RATE_MAX_RADPS, Pace, turn
-from .surroundings import NOTHING, SURE, THING, Surroundings
+from .neighbours import near_any
+from .surroundings import CELL_M, NOTHING, SURE, THING, Surroundings
 
 CURVES_PER_M = np.array([-2.5, -1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6, 2.5])  # of the arcs tried when the wished one is barred
 BEHIND_M = 0.03  # the robot goes back no nearer to anything: half a cell, and what it sees of it is some time ago
@@ -26,6 +27,8 @@ LEAST_M = 0.08  # a shorter way is none
 LEAST_RAD = np.radians(1.0)  # nor is a smaller turn
 FEW_PATCHES = 2  # fewer patches of 10 cm unseen are seams between views
 EDGE_RAD = np.radians(4.0)  # this near the edge of the view a patch is not looked at yet
+PRESSED_M = 0.5  # what was touched bars commands until the robot's side has come so far from it
+AGAIN_M = 0.1  # touched so near to where it was touched before, without having left it, is the same touched again
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,8 @@ class Guard:
         self.known_m = NOTHING  # (K, 2) all that the map and the watch over it know near by, in the body frame; monocular
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
+        self._bumps: list[np.ndarray] = []  # (7, 2) marks of touches, in the frame of the surroundings
+        self.pressed, self._away = 0, 0.0  # touches again of the same on the way to a place; side to which it turns from it
 
     @property
     def sees(self) -> bool:
@@ -119,6 +124,8 @@ class Guard:
     def observe(self, observation: Observation, motion: Motion) -> None:
         """Take one view and what came of the command before it."""
         self.around.observe(observation, motion)
+        if self.around.map_m is not None:  # else nobody else knows of them
+            self._bumps = self.beside
         if self.given is None or self.given.forward_mps or not self.given.turn_radps:
             self._here_s = self.around.now_s
         wished_m = abs(self.given.forward_mps) * self.given.duration_s if self.given else 0.0
@@ -133,6 +140,8 @@ class Guard:
         robot that went back already and touched nothing goes back further; where something moves, over ground that it has
         just seen or come over. walls_m (K, 2): of the map, in the body frame."""
         touched, self.touched, self._still = self.touched, False, 0
+        if self._between:
+            return None  # nobody sees what is behind
         came = self.given
         if came is None or came.forward_mps == 0.0 or (came.forward_mps < 0.0 and not touched):
             came = Twist(self.pace.speed_mps, 0.0, 1.0)
@@ -150,7 +159,45 @@ class Guard:
 
     def bump(self, known_m: np.ndarray = NOTHING) -> np.ndarray:
         """Mark what was touched; its (K, 2) points in the body frame, in which known_m (K, 2) is what else is known."""
-        return self.around.bump(self.given.forward_mps if self.given else 1.0, known_m)
+        touched_m = self.around.bump(self.given.forward_mps if self.given else 1.0, known_m)
+        self.pressed += bool(near_any(touched_m, self.bumps_m, AGAIN_M).any())
+        self._bumps.append(self.around.in_frame(touched_m))
+        self._away = 0.0
+        return touched_m
+
+    @property
+    def beside(self) -> list[np.ndarray]:
+        """Marks (7, 2) of what was touched and not left since, in the frame of the surroundings."""
+        near_m = self.radius_m + PRESSED_M
+        return [mark for mark in self._bumps if np.hypot(*self.around.in_body(mark).T).min() < near_m]
+
+    @property
+    def bumps_m(self) -> np.ndarray:
+        """(K, 2) that and, until the robot knows where it is, all that was touched, in the body frame: whatever becomes of
+        votes."""
+        return self.around.in_body(np.concatenate([NOTHING, *self._bumps]))
+
+    @property
+    def _between(self) -> bool:
+        """Whether something was touched on two sides, 60 degrees apart or more, and neither was left."""
+        marks_m = np.array([self.around.in_body(mark).mean(axis=0) for mark in self.beside]).reshape(-1, 2)
+        sides = marks_m / np.hypot(*marks_m.T)[:, None]
+        return bool((sides @ sides.T < 0.5).any())
+
+    def off_touched(self, command: Twist) -> Twist:
+        """The command, or in the place of one that leads against what was touched a turn on the spot away from it, the same
+        way round until there is room."""
+        bumps_m = self.bumps_m
+        if not len(bumps_m) or command.forward_mps == 0.0:
+            return command
+        wished_m = abs(command.forward_mps) * command.duration_s
+        way_m = self.around.way_to_m(command, bumps_m, np.full(len(bumps_m), CELL_M + BEHIND_M), wished_m)
+        if way_m >= min(wished_m, LEAST_M):
+            return command if way_m >= wished_m else _cut(command, way_m)
+        if not self._away:
+            nearest_m = bumps_m[np.argmin(np.hypot(*bumps_m.T))] * np.sign(command.forward_mps)
+            self._away = -1.0 if nearest_m[1] > 0.0 else 1.0
+        return turn(self._away * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def allow(self, command: Twist, target_m: np.ndarray | None = None) -> tuple[Twist | None, Event | None]:
         """The command, or the one that is safe in its place, and why; None where nothing is.
@@ -212,7 +259,8 @@ class Guard:
         """(K, 2) what the guard keeps from besides what it sees: what was touched, and for as long as what it forgot would
         have counted, all that is known."""
         forgot = self.around.now_s - self._forgot_s < self.settings.remember_s
-        return np.concatenate([self.touched_m, self.known_m]) if forgot else self.touched_m
+        told_m = np.concatenate([self.touched_m, self.bumps_m])
+        return np.concatenate([told_m, self.known_m]) if forgot else told_m
 
     def _turned(self, command: Twist, why: Event | None) -> tuple[Twist | None, Event | None]:
         """A turn on the spot, if the corners of the robot have room for it."""

@@ -113,7 +113,7 @@ class Sentinel(Barred):
 
     def _driven(self, source: Source, command: Twist) -> Capture:
         """What the source shows after a command; nothing at all would end the patrol as if it were over."""
-        command = self.guard.given = self.guard.turn_in_room(command)
+        command = self.guard.given = self.guard.turn_in_room(self.guard.off_touched(command))
         return check_capture(source.drive(command), who=self.who["source"])
 
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
@@ -164,13 +164,13 @@ class Sentinel(Barred):
             queued, straight_m = self.queued.pop(0), np.array([1.0, 0.0])
             return queued if queued.turn_radps else self._safely(queued, straight_m, pose, events)
         if (why := self._stuck(pose)) is not None:
-            self._leave(f"no progress: {why}", pose, events)
+            self._leave(f"no progress: {why}{self._touches}", pose, events)
             return None
         if self.views_spent > self.settings.views_max:
             self._finish(MissionStatus.GAVE_UP, f"budget spent: mission.views_max={self.settings.views_max} views", events)
             return None
-        if self.contacts > self.settings.contacts:
-            self._finish(MissionStatus.GAVE_UP, f"contact: touched something unseen {self.contacts} times", events)
+        if (why := self._touched_often()) is not None:
+            self._finish(MissionStatus.GAVE_UP, why, events)
             return None
         passed = bool((np.hypot(*self.guard.around.came_now().T) < PASSED_M).any())
         if self.aside.resting(pose[:2], self.settings.arrive_m, passed=passed):
@@ -285,6 +285,19 @@ class Sentinel(Barred):
             return "commands moved the robot less than 5 cm each"
         return f"planned {self.attempts} times" if self.attempts > self.settings.tries * 10 else None
 
+    def _touched_often(self) -> str | None:
+        """Why the place is given up for what was touched on the way to it, if it is."""
+        if self.guard.pressed and self.contacts > 1:
+            return f"contact: touched the same thing again and had not left it ({self.contacts} touches)"
+        return f"contact: touched something unseen {self.contacts} times" if self.contacts > self.settings.contacts else None
+
+    def _no_way_on(self) -> str | None:
+        """The same of a lost robot beside what it touched, that has not come away from it either."""
+        if not self.guard.beside:
+            return None
+        stuck = self._stuck(planar(self.guard.around.pose))
+        return self._touched_often() or (f"{stuck} beside what it touched" if stuck else None)
+
     def _find_oneself(self, belief: Belief, scan: Scan | None, events: list[Event]) -> Decision:
         """Not knowing where it is, the robot looks for itself until it knows again, or gives the place up."""
         self.path = None
@@ -292,9 +305,10 @@ class Sentinel(Barred):
         self.lost_in_all += 1
         mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
         events.append(Event.LOST)
-        if self.lost_steps > self.settings.lost_views or self.lost_in_all > self.settings.lost_views_total:
-            self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {self.lost_steps - 1} views",
-                         events)
+        no_way = self._no_way_on()
+        if no_way or self.lost_steps > self.settings.lost_views or self.lost_in_all > self.settings.lost_views_total:
+            self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {self.lost_steps - 1} views"
+                         f"{f'; {no_way}' if no_way else ''}", events)
             if self.book.done:
                 return Decision(None, None, tuple(events), mission.mission)
         command, why = self.search.guarded(belief, self.obstacle if self.obstacle is not None else scan, self.guard)

@@ -224,12 +224,10 @@ class Surroundings:
 
     def _cells(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) row and column of (K, 2) points of the frame."""
-        column_row = np.floor((points_m - self.at_eye.origin_m) / CELL_M).astype(int)
-        return np.clip(column_row[:, ::-1], 0, len(self.seen_s) - 1)
+        return np.clip(np.floor((points_m - self.at_eye.origin_m) / CELL_M).astype(int)[:, ::-1], 0, len(self.seen_s) - 1)
 
     def _cells_at(self, points_m: np.ndarray) -> np.ndarray:
-        """(K, 2) row and column of (K, 2) points of the body frame."""
-        return self._cells(points_m @ self.pose[:2, :2].T + self.pose[:2, 3])
+        return self._cells(self.in_frame(points_m))  # of points (K, 2) of the body frame
 
     def things(self, within_s: float = np.inf, *, least: float = THING) -> np.ndarray:
         """(K, 2) things near the robot that were looked at in the last within_s seconds, metres in its body frame. least:
@@ -277,8 +275,8 @@ class Surroundings:
 
     def _touched_at_rad(self, ahead: float, known_m: np.ndarray) -> float:
         """The bearing of what is known to stand next to that half of the robot; else the middle of it."""
-        things = np.concatenate([self.things(), known_m])
-        things = things[things[:, 0] * ahead > -NEXT_M]
+        things, way = np.concatenate([self.things(), known_m]), np.sign(ahead)
+        things = things[way * things[:, 0] >= NEXT_M * abs(way)]  # what lies beside it no more was not driven against
         bearings_rad = np.arctan2(things[:, 1], things[:, 0])
         gaps_m = np.hypot(*things.T) - self._reach_m(bearings_rad)
         if len(gaps_m) and gaps_m.min() < NEXT_M:
@@ -295,15 +293,18 @@ class Surroundings:
         nearer to; at most up_to_m. walls_m (K, 2): things that somebody else knows of, in the body frame; hidden_m (K, 2):
         middles of cells in which something may stand, up to their corners where something moves; least: votes; turned_rad:
         of a robot that turns on the spot first."""
-        seen, (at, way) = self.things(least=least), arc(command, up_to_m)
-        things = np.concatenate([seen, walls_m, hidden_m])
+        seen = self.things(least=least)
+        things = np.concatenate([seen, walls_m, hidden_m]) @ se2(0.0, 0.0, turned_rad)[:2, :2]  # as it will have them ahead
         margins_m = np.full(len(things), margin_m)
         margins_m[:len(seen)] += self._unsure_m(seen)
         margins_m[len(seen) + len(walls_m):] += CELL_REACH_M * self.moves
+        return self.way_to_m(command, things, margins_m, up_to_m)
+
+    def way_to_m(self, command: Twist, things: np.ndarray, margins_m: np.ndarray, up_to_m: float) -> float:
+        """The same to these things (K, 2) of the body frame alone, by margins (K,)."""
         if not len(things):
             return up_to_m
-        c, s = np.cos(turned_rad), np.sin(turned_rad)
-        things = things @ np.array([[c, -s], [s, c]])  # as the robot will have them before it
+        at, way = arc(command, up_to_m)
         gaps_m = np.linalg.norm(at[:, None] - things, axis=2) - self.radius_m
         if self.footprint is None:
             wrong = nears(gaps_m, np.linalg.norm(things, axis=1) - self.radius_m, margins_m)
@@ -349,7 +350,7 @@ class Surroundings:
         gaps = np.linalg.norm(self._patches[:, None] - at[None, ::2], axis=2).min(axis=1)
         side_m = self.radius_m + margin_m
         ahead = self._patches[(gaps < side_m) & (np.hypot(*self._patches.T) > side_m)]
-        return self.still_unseen(ahead @ self.pose[:2, :2].T + self.pose[:2, 3], since_s)
+        return self.still_unseen(self.in_frame(ahead), since_s)
 
     def hidden(self, *, low: bool = True, within_m: float = HIDDEN_M, deep_m: float = HIDES_M,
                mapped_m: float = MAPPED_M) -> np.ndarray:
@@ -390,7 +391,10 @@ class Surroundings:
         was not."""
         self._saw(self._cells(points_m[~near_any(self.in_body(points_m), self._unknown()[0], HIDES_M)]))
 
+    def in_frame(self, points_m: np.ndarray) -> np.ndarray:
+        """(K, 2) points of the body frame, in this frame."""
+        return np.asarray(points_m @ self.pose[:2, :2].T + self.pose[:2, 3])
+
     def in_body(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) points of this frame, in the robot's body frame."""
-        body: np.ndarray = (points_m - self.pose[:2, 3]) @ self.pose[:2, :2]
-        return body
+        return np.asarray((points_m - self.pose[:2, 3]) @ self.pose[:2, :2])
