@@ -179,8 +179,10 @@ def open_recording(settings) -> Recording:
         raise ConfigError(str(error)) from error
     if advice := next(filter(None, map(of_file, _likely(path))), ""):
         raise ConfigError(f"source.path={settings.path}: found {advice}")
-    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI, EuRoC or "
-                      "TartanAir folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
+    found = _found(path)
+    expected = "" if "; " in found else ("; expected a TUM, 7-Scenes, KITTI, EuRoC or TartanAir folder, numbered images or "
+                                         "clouds, run.mcap, a ROS bag, a video or a CARMEN log")
+    raise ConfigError(f"source.path={settings.path}: {found}{expected}")
 
 
 def _likely(path: Path) -> list[Path]:

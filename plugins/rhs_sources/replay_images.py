@@ -154,9 +154,10 @@ def hint_scale(files: Sequence[Path], *, scale: float, where: str) -> None:
         with suppress(UnreadableImage):
             depths.append(read_depth(files[k], scale=scale, max_depth_m=np.inf))
     values = [np.rint(depth[np.isfinite(depth)] * scale).astype(int) for depth in depths]
-    if sum(map(len, values)) and all((one % SHIFTED == 0).all() and len(np.unique(one)) > LEAST_VALUES for one in values):
+    if all((one % SHIFTED == 0).all() for one in values) and any(len(np.unique(one)) > LEAST_VALUES for one in values):
         log.warning("%s: all of its depths are whole times %d: of SUN3D, whose bits are shifted? type source.depth_scale=%d",
                     where, SHIFTED, 1000 * SHIFTED)
+        return
     _hint(depths, scale=scale, where=where)
 
 

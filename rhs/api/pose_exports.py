@@ -1,10 +1,11 @@
 """Poses as other programs export them, turned into lines of a TUM file: OptiTrack's Motive (.csv), kapture's
-trajectories.txt, ARKitScenes' .traj, and the JSON of Nerfstudio, ScanNet++, Record3D, Open3D and nuScenes.
+trajectories.txt, COLMAP's images.txt, ARKitScenes' .traj, and the JSON of Nerfstudio, ScanNet++, Record3D, Open3D and
+nuScenes.
 
 What each means by a pose: Motive (docs.optitrack.com, Data Export: CSV) has y up, here turned to z, for the body too, as its
-ROS drivers do; kapture (kapture_format.adoc) and ARKitScenes (TrajStringToMatrix) write the world in the camera; Nerfstudio
-and Record3D cameras that look along -z with y up, here turned. Where a file has no stamps, the numbers of its images stand
-in their place.
+ROS drivers do; kapture (kapture_format.adoc), COLMAP and ARKitScenes (TrajStringToMatrix) write the world in the camera;
+Nerfstudio and Record3D cameras that look along -z with y up, here turned. Where a file has no stamps, the numbers of its
+images stand in their place.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from .geometry import inverse, quaternion_xyzw, rotation_of_quaternion, se3
 
 UNITS_M = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
 NO_UNIT = 0.01  # by which four numbers that are no quaternion are longer or shorter than one
+COLMAP, COLMAP_WORDS = "QW, QX, QY, QZ, TX, TY, TZ", 10  # in its head; in the line of an image
+_IN_NAME = re.compile(r"(\d+(?:\.\d+)?)\.[A-Za-z]+$")
 FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])  # optical axes seen from a camera of OpenGL
 _TABLE = "write it as lines of `stamp x y z qx qy qz qw` (seconds, metres)"
 _ARRAY = "python -c \"import numpy as n; a=n.load('{file}'); n.savetxt('way.txt', a.reshape(len(a), -1))\""
@@ -64,6 +67,8 @@ def exported(text: str, where: str) -> str | None:
             return "\n".join(_line(stamp, pose) for stamp, pose in known)
         if text.startswith("# kapture format"):
             return "\n".join(_of_kapture(text))
+        if COLMAP in text:
+            return "\n".join(_of_colmap(text))
         if where.endswith(".traj") and _is_arkit(text):
             return "\n".join(map(_of_rotation_vector, text.splitlines()))
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, StopIteration, RecursionError) as error:
@@ -107,6 +112,18 @@ def _of_kapture(text: str) -> Iterator[str]:
     if len(devices := sorted({row[1] for row in rows})) > 1:
         raise ValueError(f"of {len(devices)} devices of kapture ({', '.join(devices[:4])}); expected the lines of one")
     for stamp, _, w, x, y, z, *place in rows:
+        yield _line(stamp, inverse(_posed([x, y, z, w], place)))
+
+
+def _of_colmap(text: str) -> Iterator[str]:
+    """Of an images.txt: the cameras' poses by the numbers in the images' names, which are stamps where they are times."""
+    rows = [line.split() for line in text.splitlines() if not line.startswith("#")]
+    images = [(row, name[1]) for row in rows if len(row) == COLMAP_WORDS and not row[-1].lstrip("-").isdigit()
+              and (name := _IN_NAME.search(row[-1]))]  # others are the points of an image
+    if not images:
+        raise ValueError("no image of COLMAP with a number in its name; expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID "
+                         "NAME")
+    for (_, w, x, y, z, *place, _, _), stamp in sorted(images, key=lambda one: float(one[1])):
         yield _line(stamp, inverse(_posed([x, y, z, w], place)))
 
 

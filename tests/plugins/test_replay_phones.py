@@ -49,7 +49,7 @@ def test_a_video_beside_depth_says_how_to_unpack_it_and_is_read_then(tmp_path):
 def test_the_camera_is_in_a_file_of_each_view_or_in_one_of_all_poses(tmp_path, file):
     numbers = {"fx": F, "fy": F, "cx": 31.5, "cy": 23.5, "width": 64, "height": 48, "t_00": 1.0}
     if file == "transforms.json":
-        numbers = {"camera_model": "OPENCV", "fl_x": F, "fl_y": F, "cx": 31.5, "cy": 23.5, "w": 64, "h": 48, "frames": []}
+        numbers = {"camera_model": "OPENCV", "fl_x": F, "fl_y": F, "cx": 32, "cy": 24, "w": 64, "h": 48, "frames": []}
     (tmp_path / file).parent.mkdir(exist_ok=True)
     (tmp_path / file).write_text(json.dumps(numbers))
     pairs(tmp_path, "images/170000000{}000000.png", "depth/170000000{}000000.png")

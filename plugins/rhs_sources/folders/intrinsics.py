@@ -218,7 +218,8 @@ def camera_of_names(given: dict[str, Any], size: tuple[int, int]) -> Camera:
             raise ValueError(f"found {', '.join(map(str, list(given)[:5]))}; expected fx, fy, cx, cy or intrinsic_matrix")
         matrix = np.array([[plain[keys[0]], 0.0, plain[keys[2]]], [0.0, plain[keys[1]], plain[keys[3]]]], float)
     lens = _lens(plain, ("k1", "k2", "k3", "k4") if model in MODELS else ("k1", "k2", "p1", "p2", "k3"))
-    values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+    corner = 0.5 if "fl_x" in plain else 0.0  # Nerfstudio counts pixels from their corners, as COLMAP does
+    values = [matrix[0, 0], matrix[1, 1], matrix[0, 2] - corner, matrix[1, 2] - corner]
     return with_lens(_camera(values, (), said), model, lens) if model in MODELS else _camera(values, lens, said)
 
 
