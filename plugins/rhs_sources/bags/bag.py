@@ -183,7 +183,8 @@ def _most_m(reader, topic: str) -> float:
     within = [one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)]
     check_unit(within, topic)
     end_m = end_of_range(within)
-    return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
+    said_m = float(scans[0].range_max) if scans else np.inf
+    return end_m if scans and (NEARLY * said_m <= end_m or said_m == np.inf) else np.inf  # Foxglove's say no range
 
 
 def _turning(reader, topics: Topics, settings, placed: Placed) -> Turning:
