@@ -197,7 +197,8 @@ _FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "eu
 USED_BY = {
     "scan_mount": ("bag", "carmen", "clouds"), "camera_mount": (*_FOLDERS, "bag"), "body_frame": ("bag",),
     "rate_hz": ("kitti", "kitti_raw", "tartan", "vkitti", "seven_scenes", "frames", "video", "clouds"),
-    "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
+    "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run", "bag"), "right_topic": ("bag",),
+    "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
                                             "clouds", "carmen"),
     "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "views_late_s": ("bag",),
@@ -212,7 +213,7 @@ def _check_used(kind: str, settings) -> None:
         if name == "stereo":
             raise ConfigError(f"source.stereo=true (sensor=stereo sets it): of a recording of the kind {kind} no second "
                               "camera is read; type sensor=rgbd if it has depth, sensor=mono for the first one alone, or "
-                              "name a KITTI, EuRoC or TartanAir folder")
+                              "name a KITTI, EuRoC or TartanAir folder or a bag")
         raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
 
 
