@@ -31,6 +31,7 @@ from .folders.tartan import is_tartan, open_tartan
 from .folders.video import SUFFIXES as VIDEOS
 from .folders.video import is_video, open_video
 from .folders.vkitti import is_vkitti, open_vkitti
+from .replay_flat import flattened
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import SET_BACK, UNREADABLE, Recording, is_tum, open_tum
@@ -174,7 +175,7 @@ def open_recording(settings) -> Recording:
         kind = settings.format if settings.format != "auto" else format_of(path)
         _check_used(kind, settings)
         if kind in FORMATS:
-            return FORMATS[kind][1](path, settings)
+            return flattened(FORMATS[kind][1](path, settings), settings.path)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
     if advice := next(filter(None, map(of_file, _likely(path))), ""):

@@ -46,6 +46,7 @@ class Recording:
     lost: list[str] = field(default_factory=list)  # filled while reading: what a damaged file no longer holds
     repaired: Counter = field(default_factory=Counter)  # stamps that were put right, and why; their views are kept
     timed: bool = True  # False: nobody says when its views were taken
+    right: Camera | None = None  # whose images travel beside those of the camera
 
 
 def is_tum(path: Path) -> bool:

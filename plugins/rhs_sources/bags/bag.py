@@ -13,7 +13,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
-from rhs.api.stereo import RIGHT_IMAGE
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_numbers
 
 from ..carmen.log import NO_CAMERA, check_unit, end_of_range
 from ..folders.clouds import check_solid
@@ -58,7 +58,7 @@ def open_bag(path: Path, settings) -> Recording:
             camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
         if topics.color and placed.camera is not None:
             camera = replace(camera, body_from_camera=placed.camera)
-        beside = right_camera(reader, topics, camera, links, str(path)) if topics.right else {}
+        right = right_camera(reader, topics, camera, links, str(path)) if topics.right else None
         sees = topics.sees
         truth = read_truth(reader, found, settings, sees=(sees, _frame(reader, sees)), body_from_frame=placed.frame
                            if topics.color else placed.cloud if topics.around else placed.scan)
@@ -68,7 +68,7 @@ def open_bag(path: Path, settings) -> Recording:
     counts: Counter = Counter()
     lost: list[str] = []
     stop = settings.start + settings.count * settings.stride if settings.count else None
-    found_views = _views(reader, topics, settings, (camera, placed, beside), counts, lost)
+    found_views = _views(reader, topics, settings, (camera, placed, right), counts, lost)
     if settings.views_late_s:
         found_views = ((capture and replace(capture, stamp_s=capture.stamp_s - settings.views_late_s), reading)
                        for capture, reading in found_views)
@@ -88,7 +88,7 @@ def open_bag(path: Path, settings) -> Recording:
     total = reader.topics[sees].msgcount
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
-    return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)
+    return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost, right=right)
 
 
 def _recorded(reader, info: str, images: str) -> Camera | None:
@@ -263,7 +263,7 @@ def _in_turn(reader, topics: Topics, settings, counts: Counter, lost: list[str])
         yield topic, stamp, message
 
 
-def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed, dict[str, np.ndarray]], counts: Counter,
+def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed, Camera | None], counts: Counter,
            lost: list[str]) -> Iterator:
     """(Capture without number, None) as soon as all of a view is there, and (None, (stamp, pose)) of the wheels; views whose
     images cannot be read are left out and said to be lost."""
@@ -337,16 +337,17 @@ def _paired(waiting: dict[str, deque], topics: Topics, settings, counts: Counter
             counts["unpaired"] += 1
 
 
-def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed, dict[str, np.ndarray]], scan) -> Capture:
+def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed, Camera | None], scan) -> Capture:
     (stamp, color), deep = pair
-    camera, placed, beside = seen_by
+    camera, placed, second = seen_by
+    beside: dict[str, np.ndarray] = {}
     image = ros.color_of(color, topics.color)
     if image.shape[:2] != (camera.height, camera.width):
         raise UnreadableImage(f"{topics.color}: found {image.shape[1]}x{image.shape[0]} pixels; expected "
                               f"{camera.width}x{camera.height} as in the first view")
     depth = None
-    if topics.right:
-        beside = beside | {RIGHT_IMAGE: ros.color_of(deep[1], topics.right)}
+    if second is not None:
+        beside = {RIGHT_CAMERA: camera_numbers(second), RIGHT_IMAGE: ros.color_of(deep[1], topics.right)}
     elif deep is not None and topics.depth:
         depth = ros.depth_of(deep[1], topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)
         depth = depth if placed.depth is None else placed.depth.registered(depth, camera)

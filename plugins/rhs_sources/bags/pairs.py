@@ -13,7 +13,6 @@ import numpy as np
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, se3
-from rhs.api.stereo import RIGHT_CAMERA, camera_numbers
 
 from ..replay_cameras import check_pose
 from ..replay_mounts import Mounts
@@ -23,8 +22,8 @@ from .topics import Topics
 LEAST_M = 1e-3  # of a baseline
 
 
-def right_camera(reader, topics: Topics, camera: Camera, links: dict, where: str) -> dict[str, np.ndarray]:
-    """The numbers of the right camera (rhs.api.stereo) by its modality. camera: the left one, placed; links: of tf. Raises
+def right_camera(reader, topics: Topics, camera: Camera, links: dict, where: str) -> Camera:
+    """The right camera. camera: the left one, placed; links: of tf. Raises
     ConfigError where nothing says which camera it is or where it sits."""
     (left, frame), (right, other) = (_told(reader, topic, info) for topic, info in ((topics.color, topics.info),
                                                                                    (topics.right, topics.right_info)))
@@ -42,7 +41,7 @@ def right_camera(reader, topics: Topics, camera: Camera, links: dict, where: str
         raise ConfigError(f"{where}: nothing says where {topics.right} sits beside {topics.color}: P[3] of its CameraInfo "
                           f"is 0 and tf does not join {frame or 'its frame'} and {other or 'the other'}; record the "
                           "rectified CameraInfo, or type sensor=mono for the first camera alone")
-    return {RIGHT_CAMERA: camera_numbers(replace(recorded, body_from_camera=camera.body_from_camera @ place))}
+    return replace(recorded, body_from_camera=camera.body_from_camera @ place)
 
 
 def _told(reader, topic: str, info: str):

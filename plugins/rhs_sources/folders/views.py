@@ -49,6 +49,7 @@ class Listed:
     rejected: Counter = field(default_factory=Counter)
     repaired: Counter = field(default_factory=Counter)
     timed: bool = True
+    right: Camera | None = None
 
 
 def led(listed: Listed, settings) -> Recording:
@@ -75,7 +76,7 @@ def led(listed: Listed, settings) -> Recording:
             index, before = index + 1, i
 
     return Recording(listed.camera, views(), len(wanted), listed.rejected, provides=listed.provides, lost=lost,
-                     repaired=listed.repaired, timed=listed.timed)
+                     repaired=listed.repaired, timed=listed.timed, right=listed.right)
 
 
 def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
