@@ -339,3 +339,12 @@ def test_messages_that_are_packed_each_are_refused_where_nothing_says_so(tmp_pat
         bag.image(DEPTH, 1.0, MILLIMETRES, "16UC1")
     assert len(views(bag.path)[1]) == 1
     assert "cannot be read further" in refused(next(bag.path.glob("*.mcap")))
+
+
+def test_a_thermal_camera_that_is_typed_is_no_depth_too(tmp_path):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        for k in range(2):
+            rows = np.linspace(0, 16383, HEIGHT * WIDTH).astype(np.uint16).reshape(HEIGHT, WIDTH)
+            bag.image("/thermal/image_raw", 1.0 + k, rows, "16UC1")
+    source, seen = views(bag.path, color_topic="/thermal/image_raw", camera=[50.0, 50.0, 31.5, 23.5])
+    assert source.provides == {"image", "gray"} and int(seen[0][0].image.max()) == 255

@@ -55,6 +55,7 @@ def open_bag(path: Path, settings) -> Recording:
         turning = _turning(reader, topics, settings, placed)
         camera = NO_CAMERA
         if topics.color:
+            topics = replace(topics, shift=ros.shift_of(_first(reader, topics.color), topics.color))
             camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
         if topics.color and placed.camera is not None:
             camera = replace(camera, body_from_camera=placed.camera)
@@ -109,7 +110,7 @@ def _recorded_color(reader, topics: Topics, settings) -> Camera | None:
 def _camera(reader, topics: Topics, settings, path: Path, *, registered: bool) -> Camera:
     """The camera: of the user, else of the first CameraInfo; its size checked against the first image."""
     recorded = _recorded_color(reader, topics, settings)
-    first = ros.color_of(_first(reader, topics.color), topics.color)
+    first = ros.color_of(_first(reader, topics.color), topics.color, topics.shift)
     camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
     if topics.depth:
         for number, (_, _, message) in enumerate(islice(ros.stamped(reader, {topics.depth}), WAITING)):
@@ -341,13 +342,13 @@ def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed, Camera 
     (stamp, color), deep = pair
     camera, placed, second = seen_by
     beside: dict[str, np.ndarray] = {}
-    image = ros.color_of(color, topics.color)
+    image = ros.color_of(color, topics.color, topics.shift)
     if image.shape[:2] != (camera.height, camera.width):
         raise UnreadableImage(f"{topics.color}: found {image.shape[1]}x{image.shape[0]} pixels; expected "
                               f"{camera.width}x{camera.height} as in the first view")
     depth = None
     if second is not None:
-        beside = {RIGHT_CAMERA: camera_numbers(second), RIGHT_IMAGE: ros.color_of(deep[1], topics.right)}
+        beside = {RIGHT_CAMERA: camera_numbers(second), RIGHT_IMAGE: ros.color_of(deep[1], topics.right, topics.shift)}
     elif deep is not None and topics.depth:
         depth = ros.depth_of(deep[1], topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)
         depth = depth if placed.depth is None else placed.depth.registered(depth, camera)

@@ -39,6 +39,7 @@ class Topics:
     tf: str = ""
     right: str = ""  # of the second camera of a pair, and its CameraInfo
     right_info: str = ""
+    shift: int = 0  # of grey images of 16 bits, down to 8
     odometry: tuple[str, str] = ("", "")  # parent and child of the wheels' link in tf, where no topic has them
 
     def provide(self) -> frozenset[str]:
@@ -97,7 +98,7 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     if of(*alone):
         plain, deep = [], []
     color = pick("color", plain)
-    depth, scan = pick("depth", deep, color), pick("scan", of(*KINDS["scan"]))
+    depth, scan = pick("depth", [t for t in deep if t != color], color), pick("scan", of(*KINDS["scan"]))
     scan = "" if settings.views == "clouds" and of(*alone) else scan
     clouds = of(*CLOUDS) if not depth and settings.depth_topic != "none" and (color or not scan) else []
     if not color and not scan and len(clouds) > 1:
