@@ -96,8 +96,8 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     """A Recording of (stamp, colour path, depth path or None) triples; the first pair is read at once, to refuse early.
 
     Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
-    it saw them; None: they are registered to colour. place: 4x4 body_from_camera where the recording says it; odometry: of its
-    wheels."""
+    it saw them; None: they are registered to colour. place: 4x4 body_from_camera where the recording says it; odometry: of
+    its wheels."""
     scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
     registered = depth_camera is None
     first = _read(pairs[0], scale, settings, registered)
