@@ -106,5 +106,39 @@ def test_cameras_of_any_names_are_a_pair_when_they_are_typed(tmp_path):
         views(bag.path, color_topic="/port/image_rect", right_topic="/starbord/image_rect")
 
 
+def test_a_bag_without_camera_info_takes_both_cameras_of_kalibrs_chain(tmp_path):
+    """As EuRoC's and TUM VI's bags: /cam0/image_raw, /cam1/image_raw and nothing that says which cameras they are."""
+    with BagFile(tmp_path, "ros1") as bag:
+        for name in ("cam0", "cam1"):
+            bag.image(f"/{name}/image_raw", 1.0, picture(), "rgb8", name)
+    text = "".join(f"cam{k}:\n  camera_model: pinhole\n  distortion_model: radtan\n  distortion_coeffs: [0.1, 0, 0, 0]\n"
+                   f"  intrinsics: [{50 + k}, 50, 31.5, 23.5]\n  resolution: [{WIDTH}, {HEIGHT}]\n" for k in range(2))
+    chain = tmp_path / "camchain.yaml"
+    chain.write_text(text + "  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.11]\n  - [0.0, 1.0, 0.0, 0.0]\n  - [0.0, 0.0, 1.0, 0.0]\n"
+                     "  - [0.0, 0.0, 0.0, 1.0]\n")
+    source, seen = views(bag.path, camera=str(chain))
+    place, right = left_from_right(source, seen[0])
+    assert (source.camera.fx, right.fx, right.distortion[0]) == (50.0, 51.0, 0.1) and place[0, 3] == pytest.approx(0.11)
+    chain.write_text(text + "  T_cn_cnm1: [1, 2, 3]\n")
+    with pytest.raises(ConfigError, match=r"camchain\.yaml: its cam1 cannot be read .* expected Kalibr's camchain\.yaml"):
+        views(bag.path, camera=str(chain))
+    with pytest.raises(ConfigError, match="holds no camera intrinsics; type source.camera="):
+        views(bag.path)
+
+
 def test_a_bag_of_two_cameras_alone_is_a_stereo_sensors(tmp_path):
     assert Replay(path=str(pair(tmp_path))).suited_sensor() == "stereo"
+
+
+@pytest.mark.parametrize("drive", ["raw", "odometry"])
+def test_kittis_bags_hold_rectified_images_whatever_k_says(tmp_path, drive):
+    """kitti2bag calls them image_raw; K is that of the raw ones, of odometry it is left out."""
+    with BagFile(tmp_path, "ros1") as bag:
+        for eye, shift_m in (("left", -0.06), ("right", 0.47)):
+            info = told(bag, eye, shift_m)
+            info.K[:] = info.K if drive == "raw" else 0.0
+            bag.put(f"/kitti/camera_color_{eye}/camera_info", 1.0, info)
+            bag.image(f"/kitti/camera_color_{eye}/image_raw", 1.0, picture(), "rgb8", eye)
+    source, seen = views(bag.path)
+    place, right = left_from_right(source, seen[0])
+    assert source.camera.fx == right.fx == 40.0 and place[0, 3] == pytest.approx(0.53)

@@ -59,7 +59,7 @@ def open_bag(path: Path, settings) -> Recording:
             camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
         if topics.color and placed.camera is not None:
             camera = replace(camera, body_from_camera=placed.camera)
-        right = right_camera(reader, topics, camera, links, str(path)) if topics.right else None
+        right = right_camera(reader, topics, camera, links, settings) if topics.right else None
         sees = topics.sees
         truth = read_truth(reader, found, settings, sees=(sees, _frame(reader, sees)), body_from_frame=placed.frame
                            if topics.color else placed.cloud if topics.around else placed.scan)
@@ -94,7 +94,7 @@ def open_bag(path: Path, settings) -> Recording:
 
 def _recorded(reader, info: str, images: str) -> Camera | None:
     """The camera of a topic of images, as the first CameraInfo says."""
-    return ros.camera_of(_first(reader, info), rectified="rect" in images) if info else None
+    return ros.camera_of(_first(reader, info), rectified=ros.is_rectified(images)) if info else None
 
 
 def _recorded_color(reader, topics: Topics, settings) -> Camera | None:

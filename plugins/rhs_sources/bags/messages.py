@@ -38,6 +38,7 @@ MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled
 OFF = 0.05  # of what a scan covers, by which its end may be off
 FURTHEST_M = 500.0  # that lasers which look round see
 UNIT = 0.05  # a quaternion may be so much longer or shorter than 1
+KITTI = "/kitti/camera_"
 LEAST_PX = 2.0  # of a focal length; shares of the image (0.8) are none
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **FLOATS}
@@ -198,15 +199,22 @@ def usual_scale(message) -> float:
     return 1.0 if kind.startswith("32FC1") else 1000.0
 
 
+def is_rectified(topic: str) -> bool:
+    """Whether a topic's images had their lens undone, as its name says; kitti2bag names KITTI's rectified ones image_raw and
+    writes the K of the raw ones beside them."""
+    return "rect" in topic or topic.startswith(KITTI)
+
+
 def camera_of(message, *, rectified: bool = False) -> Camera | None:
-    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero, or in no pixels). rectified: of
-    images whose lens has been undone, whose camera is P (sensor_msgs/CameraInfo)."""
+    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero, or in no pixels, and so is P).
+    rectified: of images whose lens has been undone, whose camera is P (sensor_msgs/CameraInfo)."""
     k = np.asarray(message.K if hasattr(message, "K") else message.k, float).reshape(3, 3)
     d = tuple(float(v) for v in (message.D if hasattr(message, "D") else message.d))
-    if not np.all(np.isfinite(k)) or min(k[0, 0], k[1, 1]) < LEAST_PX:
-        return None
     p = np.asarray(message.P if hasattr(message, "P") else message.p, float).reshape(3, 4)
-    if rectified and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
+    alone = not k.any() and min(p[0, 0], p[1, 1]) >= LEAST_PX  # kitti2bag, of KITTI odometry
+    if not alone and (not np.all(np.isfinite(k)) or min(k[0, 0], k[1, 1]) < LEAST_PX):
+        return None
+    if (rectified or alone) and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
         return Camera(message.width, message.height, p[0, 0], p[1, 1], p[0, 2], p[1, 2], p[0, 1])
     if message.distortion_model in LENS_MODELS and d:
         try:

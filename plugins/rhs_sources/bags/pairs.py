@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, se3
 
+from ..folders.intrinsics import second_of_chain
 from ..replay_cameras import check_pose
 from ..replay_mounts import Mounts
 from . import messages as ros
@@ -22,19 +24,23 @@ from .topics import Topics
 LEAST_M = 1e-3  # of a baseline
 
 
-def right_camera(reader, topics: Topics, camera: Camera, links: dict, where: str) -> Camera:
-    """The right camera. camera: the left one, placed; links: of tf. Raises
-    ConfigError where nothing says which camera it is or where it sits."""
+def right_camera(reader, topics: Topics, camera: Camera, links: dict, settings) -> Camera:
+    """The right camera, by the file of both that was typed, else as the bag says. camera: the left one, placed; links: of
+    tf. Raises ConfigError where nothing says which camera it is or where it sits."""
+    where, file = settings.path, Path(str(settings.camera)).expanduser()
+    chain = second_of_chain(file, (camera.width, camera.height)) if file.is_file() else None
+    if chain is not None:
+        return replace(chain[0], body_from_camera=camera.body_from_camera @ check_pose(chain[1], f"{file.name}: T_cn_cnm1"))
     (left, frame), (right, other) = (_told(reader, topic, info) for topic, info in ((topics.color, topics.info),
                                                                                    (topics.right, topics.right_info)))
-    recorded = None if right is None else ros.camera_of(right, rectified="rect" in topics.right)
+    recorded = None if right is None else ros.camera_of(right, rectified=ros.is_rectified(topics.right))
     if recorded is None:
-        raise ConfigError(f"{where}: no CameraInfo says which camera {topics.right} is; record it beside its images, or "
-                          "type sensor=mono for the first camera alone")
+        raise ConfigError(f"{where}: no CameraInfo says which camera {topics.right} is; record it beside its images, "
+                          "type source.camera=camchain.yaml (Kalibr's, of both), or sensor=mono for the first camera alone")
     if (recorded.width, recorded.height) != (camera.width, camera.height):
         raise ConfigError(f"{where}: {topics.right} is of {recorded.width}x{recorded.height} pixels and {topics.color} of "
                           f"{camera.width}x{camera.height}; expected one size; type sensor=mono for the first camera alone")
-    place = _by_projection(left, right, rectified="rect" in topics.color)
+    place = _by_projection(left, right, rectified=ros.is_rectified(topics.color))
     if place is None and frame and other and frame != other:
         place = Mounts(links, frame).of(other)
     if place is None or np.linalg.norm(place[:3, 3]) < LEAST_M:
