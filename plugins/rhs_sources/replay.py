@@ -31,6 +31,7 @@ from .folders.tartan import is_tartan, open_tartan
 from .folders.video import SUFFIXES as VIDEOS
 from .folders.video import is_video, open_video
 from .folders.vkitti import is_vkitti, open_vkitti
+from .replay_flat import flattened
 from .replay_mcap import is_run, open_run
 from .replay_seven_scenes import is_seven_scenes, open_seven_scenes
 from .replay_tum import SET_BACK, UNREADABLE, Recording, is_tum, open_tum
@@ -174,13 +175,15 @@ def open_recording(settings) -> Recording:
         kind = settings.format if settings.format != "auto" else format_of(path)
         _check_used(kind, settings)
         if kind in FORMATS:
-            return FORMATS[kind][1](path, settings)
+            return flattened(FORMATS[kind][1](path, settings), settings.path)
     except RecordingError as error:  # nothing ran yet
         raise ConfigError(str(error)) from error
     if advice := next(filter(None, map(of_file, _likely(path))), ""):
         raise ConfigError(f"source.path={settings.path}: found {advice}")
-    raise ConfigError(f"source.path={settings.path}: {_found(path)}; expected a TUM, 7-Scenes, KITTI, EuRoC or "
-                      "TartanAir folder, numbered images or clouds, run.mcap, a ROS bag, a video or a CARMEN log")
+    found = _found(path)
+    expected = "" if "; " in found else ("; expected a TUM, 7-Scenes, KITTI, EuRoC or TartanAir folder, numbered images or "
+                                         "clouds, run.mcap, a ROS bag, a video or a CARMEN log")
+    raise ConfigError(f"source.path={settings.path}: {found}{expected}")
 
 
 def _likely(path: Path) -> list[Path]:
@@ -195,7 +198,8 @@ _FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "eu
 USED_BY = {
     "scan_mount": ("bag", "carmen", "clouds"), "camera_mount": (*_FOLDERS, "bag"), "body_frame": ("bag",),
     "rate_hz": ("kitti", "kitti_raw", "tartan", "vkitti", "seven_scenes", "frames", "video", "clouds"),
-    "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run"), "depth_camera": ("tum", "seven_scenes", "bag"),
+    "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run", "bag"), "right_topic": ("bag",),
+    "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
                                             "clouds", "carmen"),
     "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "views_late_s": ("bag",),
@@ -210,7 +214,7 @@ def _check_used(kind: str, settings) -> None:
         if name == "stereo":
             raise ConfigError(f"source.stereo=true (sensor=stereo sets it): of a recording of the kind {kind} no second "
                               "camera is read; type sensor=rgbd if it has depth, sensor=mono for the first one alone, or "
-                              "name a KITTI, EuRoC or TartanAir folder")
+                              "name a KITTI, EuRoC or TartanAir folder or a bag")
         raise ConfigError(f"source.{name}: a recording of the kind {kind} has no use for it; leave it out")
 
 

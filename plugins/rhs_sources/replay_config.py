@@ -42,8 +42,8 @@ class Replay(PartSettings):
     """Views a second of numbered images, clouds and videos and of 7-Scenes, whatever their names and the container say;
     0: what these say, else 30, of clouds 10, and no speed is judged by that."""
     stereo: bool = False
-    """Hand on the second camera of KITTI, EuRoC and TartanAir as `right_image` and `right_camera`, as they were recorded;
-    sensor=stereo sets it."""
+    """Hand on the second camera of KITTI, EuRoC, TartanAir and bags as `right_image` and `right_camera`, as they were
+    recorded; sensor=stereo sets it."""
     relations: str = ""
     """File of true relations between scans (stamp1 stamp2 x y z roll pitch yaw) to judge the way by; empty: LOG.relations
     beside a laser log."""
@@ -66,6 +66,9 @@ class Replay(PartSettings):
     when it was taken; sensor=laser and sensor=lidar set it. A bag without these is read as by auto."""
     color_topic: str = ""
     """Topic of a bag with colour or grey images; empty takes the only topic of a fitting type, none goes without."""
+    right_topic: str = ""
+    """Topic of a bag with the images of the second camera of a pair (sensor=stereo), color_topic the first; empty takes the
+    one that is named alike (left and right, infra1 and infra2, cam0 and cam1)."""
     depth_topic: str = ""
     """Topic of a bag with depth images; empty and none as for color_topic."""
     info_topic: str = ""

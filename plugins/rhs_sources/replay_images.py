@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import logging
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,6 +19,7 @@ from rhs.api.pictures import MOST_PIXELS, check_size, head_of
 NEAR_M, FAR_M = 0.3, 8.0  # nearer than Kinects see, and further than most rooms are long
 SEEN_M = (0.05, 100.0)  # typical depths that cameras see
 MOSAIC = 1.05  # from 1.1 on mosaics of photographs, up to 0.95 these as grey images with noise (20 grey levels) on them
+DEEP_LAYERS = ("z", "depth", "v")  # Blender writes ViewLayer.Depth.Z or Depth.V
 LOOKED_AT = 12  # images of depth whose scale nobody typed
 
 
@@ -67,12 +69,14 @@ def without_mosaic(image: np.ndarray) -> np.ndarray:
 
 
 def read_depth(path: Path, *, scale: float, max_depth_m: float, typed: bool = False, packed: bool = False) -> np.ndarray:
-    """(H, W) float32 metres, NaN unknown, of a 16-bit or float depth image (.pfm too), or an array of NumPy (.npy). typed:
-    the user's scale; else one of floats is 1, they are metres. packed: four channels of 8 bits are the bytes of a float."""
+    """(H, W) float32 metres, NaN unknown, of a 16-bit or float depth image (.pfm and .exr too), or an array of NumPy (.npy).
+    typed: the user's scale; else one of floats is 1, they are metres. packed: four channels of 8 bits are the bytes of a
+    float."""
     import cv2
 
     _check_file(path, "a 16-bit depth image")
-    raw = _array(path) if path.suffix.lower() == ".npy" else cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    own = {".npy": _array, ".exr": _layer}.get(path.suffix.lower())
+    raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if own is None else own(path)
     if raw is None:
         raise _unreadable(path, "a 16-bit depth image")
     if packed and raw.dtype == np.uint8 and raw.shape[2:] == (4,):
@@ -90,6 +94,30 @@ def _array(path: Path) -> np.ndarray | None:
     if not isinstance(raw, np.ndarray) or raw.size > MOST_PIXELS:
         return None
     return np.array(raw, np.float32 if raw.dtype.kind == "f" else raw.dtype)
+
+
+def reads_exr() -> bool:
+    """Whether the extra that reads OpenEXR is installed."""
+    return importlib.util.find_spec("OpenEXR") is not None
+
+
+def _layer(path: Path) -> np.ndarray | None:
+    """The depth of an OpenEXR file: its only channel, the one that is called so, or three that are equal; None where
+    there is none. OpenCV's wheels are made without OpenEXR. Raises ConfigError where the extra is not installed."""
+    if not reads_exr():
+        raise ConfigError(f"{path}: found OpenEXR; type pip install OpenEXR (the extra exr), or write it as .npy (metres) "
+                          "or as 16-bit .png")
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            layers = {name: np.asarray(one.pixels, np.float32) for name, one in file.channels().items()}
+    except Exception:  # the library raises many kinds for damaged files
+        return None
+    named = [name for name in layers if name.rsplit(".", 1)[-1].lower() in DEEP_LAYERS]
+    found = [layers[name] for name in (named or layers)]
+    alike = all(np.array_equal(found[0], other, equal_nan=True) for other in found[1:])
+    return found[0] if found and alike and found[0].size <= MOST_PIXELS else None
 
 
 def metres(raw: np.ndarray, *, scale: float, max_depth_m: float, where: str) -> np.ndarray:
@@ -154,9 +182,10 @@ def hint_scale(files: Sequence[Path], *, scale: float, where: str) -> None:
         with suppress(UnreadableImage):
             depths.append(read_depth(files[k], scale=scale, max_depth_m=np.inf))
     values = [np.rint(depth[np.isfinite(depth)] * scale).astype(int) for depth in depths]
-    if sum(map(len, values)) and all((one % SHIFTED == 0).all() and len(np.unique(one)) > LEAST_VALUES for one in values):
+    if all((one % SHIFTED == 0).all() for one in values) and any(len(np.unique(one)) > LEAST_VALUES for one in values):
         log.warning("%s: all of its depths are whole times %d: of SUN3D, whose bits are shifted? type source.depth_scale=%d",
                     where, SHIFTED, 1000 * SHIFTED)
+        return
     _hint(depths, scale=scale, where=where)
 
 

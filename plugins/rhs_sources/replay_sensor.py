@@ -9,7 +9,7 @@ from pathlib import Path
 from rhs.api.errors import ConfigError, RecordingError
 from rhs.api.stereo import RIGHT_IMAGE
 
-from .bags.bag import held_in_bag
+from .bags.held import held_in_bag
 from .replay import USED_BY, format_of, open_recording
 
 SUITED = {"scan": "laser", "cloud": "lidar", RIGHT_IMAGE: "stereo", "image": "mono"}  # the first of these that is there

@@ -9,16 +9,17 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import Camera, inverse
+from rhs.api.geometry import Camera, inverse, planar
 from rhs.api.records import Capture, WorldFacts
 
 from .folders.intrinsics import intrinsics_beside
+from .folders.loris import base_from_color, wheels
 from .replay_cameras import chosen_camera
 from .replay_images import check_depth, check_pair, hint_scale, read_color, read_depth
 from .replay_mounts import placed_camera
@@ -46,6 +47,7 @@ class Recording:
     lost: list[str] = field(default_factory=list)  # filled while reading: what a damaged file no longer holds
     repaired: Counter = field(default_factory=Counter)  # stamps that were put right, and why; their views are kept
     timed: bool = True  # False: nobody says when its views were taken
+    right: Camera | None = None  # whose images travel beside those of the camera
 
 
 def is_tum(path: Path) -> bool:
@@ -68,12 +70,16 @@ def open_tum(path: Path, settings) -> Recording:
         )
     truth_file = _truth_file(path, settings)
     truth = None if truth_file is None else read_tum_truth(truth_file, settings)
+    place = base_from_color(path)  # OpenLORIS's true poses are those of its robot
+    if place is not None and truth is not None:
+        truth = replace(truth, poses=truth.poses @ place)
     if truth is not None:
         rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
         _say_apart(truth, pairs, truth_file)
     scale = 1000.0 if (path / ALIGNED).is_file() else 5000.0
     return open_pairs(pairs, settings, truth=truth, default_scale=scale, rejected=rejected,
-                      depth_camera=typed_depth_camera(settings.depth_camera))
+                      depth_camera=typed_depth_camera(settings.depth_camera), place=place,
+                      odometry=None if place is None else wheels(path, settings))
 
 
 def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path | None]], file: Path | None) -> None:
@@ -85,11 +91,13 @@ def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path | None]], file:
 
 
 def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter,
-               depth_camera: DepthCamera | None = None, timed: bool = True) -> Recording:
+               depth_camera: DepthCamera | None = None, timed: bool = True, place: np.ndarray | None = None,
+               odometry: Truth | None = None) -> Recording:
     """A Recording of (stamp, colour path, depth path or None) triples; the first pair is read at once, to refuse early.
 
     Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
-    it saw them; None: they are registered to colour."""
+    it saw them; None: they are registered to colour. place: 4x4 body_from_camera where the recording says it; odometry: of
+    its wheels."""
     scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
     registered = depth_camera is None
     first = _read(pairs[0], scale, settings, registered)
@@ -97,7 +105,8 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     checked = not deep or _check_scale(pairs[0][2], scale, settings)
     size = (first[0].shape[1], first[0].shape[0])
     recorded = intrinsics_beside(folder, size) if settings.camera == "auto" else None
-    camera = placed_camera(chosen_camera(settings.camera, size, recorded=recorded, where=str(folder)), settings)
+    camera = chosen_camera(settings.camera, size, recorded=recorded, where=str(folder))
+    camera = placed_camera(camera if place is None else replace(camera, body_from_camera=place), settings)
     wanted = pairs[settings.start :: settings.stride][: settings.count or None]
     if not wanted:
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
@@ -108,8 +117,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     listed = [(stamp, str(color), str(depth or "")) for stamp, color, depth in wanted]  # paths take 2 kB a view
 
     def views():
-        index = 0
-        sound = checked
+        index, sound, before = 0, checked, None
         for stamp, *files in listed:
             pair = stamp, *(Path(file) if file else None for file in files)
             try:
@@ -121,13 +129,16 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             sound = sound or _check_scale(pair[2], scale, settings)
             if depth_camera is not None and depth is not None:
                 depth = depth_camera.registered(depth, camera)
-            capture = Capture(index, pair[0], image=color, depth=depth, sensed=True)
+            wheel = None if odometry is None else odometry.at(pair[0])
+            travel = None if wheel is None or before is None else planar(inverse(before) @ wheel)
+            before = wheel
+            capture = Capture(index, pair[0], image=color, depth=depth, sensed=True, travel=travel)
             pose = truth.at(pair[0]) if truth is not None else None
             yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)
             index += 1
 
-    return Recording(camera, views(), len(listed), rejected, lost=lost, timed=timed,
-                     provides=frozenset({"image", "gray", "depth"} if deep else {"image", "gray"}))
+    held = {"image", "gray"} | ({"depth"} if deep else set()) | (set() if odometry is None else {"wheel"})
+    return Recording(camera, views(), len(listed), rejected, lost=lost, timed=timed, provides=frozenset(held))
 
 
 def _check_scale(path: Path, scale: float, settings) -> bool:

@@ -1,10 +1,12 @@
-"""Poses as other programs export them, turned into lines of a TUM file: OptiTrack's Motive (.csv), kapture's
-trajectories.txt, ARKitScenes' .traj, and the JSON of Nerfstudio, ScanNet++, Record3D, Open3D and nuScenes.
+"""Poses as other programs export them, turned into lines of a TUM file: OptiTrack's Motive (.csv), Qualisys's 6D tables
+(.tsv), kapture's trajectories.txt, COLMAP's images.txt, ARKitScenes' .traj, and the JSON of Nerfstudio, ScanNet++, Record3D,
+Open3D and nuScenes.
 
 What each means by a pose: Motive (docs.optitrack.com, Data Export: CSV) has y up, here turned to z, for the body too, as its
-ROS drivers do; kapture (kapture_format.adoc) and ARKitScenes (TrajStringToMatrix) write the world in the camera; Nerfstudio
-and Record3D cameras that look along -z with y up, here turned. Where a file has no stamps, the numbers of its images stand
-in their place.
+ROS drivers do; Qualisys millimetres, the rotation column by column (Rot[1] is y by x, as the angles beside it show), and
+zeros of a body that was not seen; kapture (kapture_format.adoc), COLMAP and ARKitScenes (TrajStringToMatrix) the world in
+the camera; Nerfstudio and Record3D cameras that look along -z with y up, here turned. Where a file has no stamps, the
+numbers of its images stand in their place.
 """
 
 from __future__ import annotations
@@ -24,6 +26,9 @@ from .geometry import inverse, quaternion_xyzw, rotation_of_quaternion, se3
 
 UNITS_M = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
 NO_UNIT = 0.01  # by which four numbers that are no quaternion are longer or shorter than one
+QUALISYS = ("NO_OF_FRAMES", "FILE_VERSION")  # how its tables begin
+COLMAP, COLMAP_WORDS = "QW, QX, QY, QZ, TX, TY, TZ", 10  # in its head; in the line of an image
+_IN_NAME = re.compile(r"(\d+(?:\.\d+)?)\.[A-Za-z]+$")
 FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])  # optical axes seen from a camera of OpenGL
 _TABLE = "write it as lines of `stamp x y z qx qy qz qw` (seconds, metres)"
 _ARRAY = "python -c \"import numpy as n; a=n.load('{file}'); n.savetxt('way.txt', a.reshape(len(a), -1))\""
@@ -34,7 +39,6 @@ OTHERS = {  # by the ending, or the first word
     ".bin": "numbers, not text; of COLMAP: colmap model_converter --input_path . --output_path . --output_type TXT",
     ".gpx": f"positions of GPS: {_TABLE}, east, north and up in metres, and 0 0 0 1",
     "Objects": f"a table of Vicon, whose RX RY RZ are a rotation vector or angles as it was set: {_TABLE}",
-    "NO_OF_FRAMES": f"a table of Qualisys, in millimetres: {_TABLE}",
     "FLASER": "a laser log: python -m rhs source=replay source.path={file} leaves corrected.tum and truth_survey.tum",
 }
 OTHERS |= {"Segments": OTHERS["Objects"], **dict.fromkeys((".kml", ".nmea", "$GPGGA", "$GNGGA", "$GPRMC"), OTHERS[".gpx"])}
@@ -64,6 +68,10 @@ def exported(text: str, where: str) -> str | None:
             return "\n".join(_line(stamp, pose) for stamp, pose in known)
         if text.startswith("# kapture format"):
             return "\n".join(_of_kapture(text))
+        if first in QUALISYS:
+            return "\n".join(_of_qualisys([line.split("\t") for line in text.splitlines()]))
+        if COLMAP in text:
+            return "\n".join(_of_colmap(text))
         if where.endswith(".traj") and _is_arkit(text):
             return "\n".join(map(_of_rotation_vector, text.splitlines()))
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, StopIteration, RecursionError) as error:
@@ -107,6 +115,38 @@ def _of_kapture(text: str) -> Iterator[str]:
     if len(devices := sorted({row[1] for row in rows})) > 1:
         raise ValueError(f"of {len(devices)} devices of kapture ({', '.join(devices[:4])}); expected the lines of one")
     for stamp, _, w, x, y, z, *place in rows:
+        yield _line(stamp, inverse(_posed([x, y, z, w], place)))
+
+
+def _of_qualisys(table: list[list[str]]) -> Iterator[str]:
+    """Of the one rigid body in a table of QTM; one that was not seen is written as zeros."""
+    said = {row[0]: row[1:] for row in table if row}
+    begin = next((k for k, row in enumerate(table) if "Rot[0]" in row), None)
+    if begin is None or said.get("NO_OF_BODIES", ["1"])[0] != "1":
+        found = f"{said['NO_OF_BODIES'][0]} rigid bodies" if begin is not None else "no rigid body"
+        raise ValueError(f"{found} of Qualisys ({' '.join(said.get('DATA_INCLUDED', ['?']))} data); expected one: export "
+                         "its 6DOF data alone (TSV, 6D)")
+    names = table[begin]
+    x, rot = next(k for k, name in enumerate(names) if name.split(" ")[-1] == "X"), names.index("Rot[0]")
+    rate_hz = float(said["FREQUENCY"][0])
+    for number, row in enumerate(row for row in table[begin + 1 :] if any(row)):
+        stamp = row[names.index("Time")] if "Time" in names else f"{number / rate_hz:.6f}"
+        place, turn = np.array(row[x : x + 3], float), np.array(row[rot : rot + 9], float)
+        if turn.any():
+            yield _line(stamp, se3(turn.reshape(3, 3).T, 1e-3 * place))
+        else:
+            yield f"{stamp}{' nan' * 7}"
+
+
+def _of_colmap(text: str) -> Iterator[str]:
+    """Of an images.txt: the cameras' poses by the numbers in the images' names, which are stamps where they are times."""
+    rows = [line.split() for line in text.splitlines() if not line.startswith("#")]
+    images = [(row, name[1]) for row in rows if len(row) == COLMAP_WORDS and not row[-1].lstrip("-").isdigit()
+              and (name := _IN_NAME.search(row[-1]))]  # others are the points of an image
+    if not images:
+        raise ValueError("no image of COLMAP with a number in its name; expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID "
+                         "NAME")
+    for (_, w, x, y, z, *place, _, _), stamp in sorted(images, key=lambda one: float(one[1])):
         yield _line(stamp, inverse(_posed([x, y, z, w], place)))
 
 

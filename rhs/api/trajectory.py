@@ -25,7 +25,7 @@ from .pose_exports import advice_for, exported
 
 log = logging.getLogger("rhs.trajectory")
 _STAMP = re.compile(r"(t|time|time_?stamp|date_?time|stamp|sec|secs|seconds|nsec|nanoseconds)(_?(s|ms|us|ns|sec|nsec))?")
-_NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality|(roll|pitch|yaw)(_deg)?$")
+_NO_POSE = re.compile(r"^(v|b|a|w|bw|ba|bg)_|vel|twist|acc|gyr|bias|cov|quality|^[fc][xy]$|(roll|pitch|yaw)(_deg)?$")
 _TUM, _EUROC = [*range(8)], [0, 1, 2, 3, 5, 6, 7, 4]  # stamp x y z qw qx qy qz
 _EUROC_ROW = re.compile(r"\d{19}(,[^,]+){7}(,[^,]+){0,3},?$|\d{19}(,[^,]+){16},?$")  # thirteen are MulRan's
 _ANGLE = re.compile(r"(?:.*[._ ])?(roll|pitch|yaw|theta|heading|th)[_ ]?(rad|radians|deg|degrees)?")

@@ -2,8 +2,8 @@
 
     python -m rhs.evaluate RUN_FOLDER            recompute the row's figures and compare them with row.json
     python -m rhs.evaluate ESTIMATE TRUTH        ATE, RPE and completeness of two TUM, KITTI, EuRoC, MulRan, TartanAir,
-                                                 g2o, TORO, COLMAP (images.txt), Open3D, Motive, kapture, ARKitScenes,
-                                                 RobotCar, nuScenes or Nerfstudio files
+                                                 g2o, TORO, COLMAP (images.txt), Open3D, Motive, Qualisys, kapture,
+                                                 ARKitScenes, RobotCar, nuScenes or Nerfstudio files
     python -m rhs.evaluate EST --relations FILE  errors of published relations between scans; EST: a TUM file or a run folder
 
 Exit code 0; 1 unreadable; 2 refused; 3 when row.json says something else than its files, or when less than half of the

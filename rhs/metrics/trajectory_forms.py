@@ -1,21 +1,21 @@
-"""Trajectories in the forms that people have: TUM, KITTI odometry, EuRoC, TartanAir, MulRan, g2o, TORO, COLMAP, Open3D.
+"""Trajectories in the forms that people have: TUM, KITTI odometry, EuRoC, TartanAir, MulRan, g2o, TORO, Open3D.
 
 Told apart by the first line. KITTI (Geiger et al. 2012): twelve numbers a line, the upper rows of world_from_camera, or
 sixteen (Replica; four lines a pose in Open3D's trajectory.log); stamps are those of a times.txt beside it, else the numbers
 of the lines in place of seconds. MulRan: a stamp before the twelve. TartanAir: x y z qx qy qz qw without a stamp. Graphs
 (g2o, TORO): their vertices, numbered as they are. EuRoC (Burri et al. 2016): commas; nanoseconds, x y z, qw qx qy qz, and
-whatever follows. NCLT: microseconds, x y z, roll pitch heading. COLMAP's images.txt: the world in the camera, w first. A
-header that names the columns is believed. Anything else is read as TUM.
+whatever follows. NCLT: microseconds, x y z, roll pitch heading. A header that names the columns is believed; exports of
+other programs are those of rhs.api.pose_exports. Anything else is read as TUM.
 """
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
 
-from rhs.api.geometry import inverse, rotation_of_quaternion, se2, se3
+from rhs.api.geometry import rotation_of_quaternion, se2, se3
+from rhs.api.pose_exports import COLMAP
 from rhs.api.trajectory import Trajectory, check_unit, in_tum_order, read_tum, seconds_in
 from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
@@ -24,8 +24,6 @@ MATRIX, WHOLE, UNTIMED, EUROC_NUMBERS = 12, 16, 7, 8  # numbers a line
 SKEW = 0.05  # a rotation may be so far from one; files are rounded
 PLANAR, SPATIAL = ("VERTEX_SE2", "VERTEX2"), ("VERTEX_SE3:QUAT", "VERTEX3")  # of g2o and of TORO
 GTSAM = 2**56 - 1  # of a key: GTSAM writes a letter above the number, and the sum has more digits than a float
-COLMAP_WORDS = 10  # of an image's line
-_IN_NAME = re.compile(r"(\d+(?:\.\d+)?)\.[A-Za-z]+$")
 Rows = list[tuple[int, list[str]]]
 
 
@@ -53,15 +51,14 @@ def _read(path: Path) -> Trajectory:
     lines = enumerate(text.splitlines(), start=1)
     rows = [(number, line.replace(",", " ").split()) for number, line in lines if line.strip() and not line.startswith("#")]
     first = rows[0][1] if rows else [""]
-    if "QW, QX, QY, QZ, TX, TY, TZ" in text:
-        return _colmap(path, rows)
     if len(first) == 3 and len(rows) % 5 == 0 and [len(words) for _, words in rows[1:5]] == [4] * 4:
         joined = [(rows[k][0], [word for _, words in rows[k + 1 : k + 5] for word in words]) for k in range(0, len(rows), 5)]
         return _matrices(path, joined, 0)
     if first[0].startswith("VERTEX"):
         return _graph(path, rows)
     if in_tum_order(text, str(path)) is not text or not _is_number(first[0]):
-        return read_tum(path)  # a header, or a form with one order
+        way = read_tum(path)  # a header, or a form with one order
+        return _counted(way) if COLMAP in text else way
     for stamped in (0, 1):  # EuRoC's has seventeen too, but no rotation there
         if len(first) - stamped in (MATRIX, WHOLE) and (not stamped or _is_rotation(first[1:])):
             return _matrices(path, rows, stamped)
@@ -95,21 +92,6 @@ def _matrices(path: Path, rows: Rows, stamped: int) -> Trajectory:
         poses[k, :3] = np.array(values[stamped : stamped + MATRIX]).reshape(3, 4)
         stamps[k] = values[0] * seconds_in(values[0]) if stamped else k
     return _ascending(stamps, poses) if stamped else Numbered(stamps, poses)
-
-
-def _colmap(path: Path, rows: Rows) -> Trajectory:
-    """Of an images.txt: the camera's poses by the numbers in the images' names, which are stamps where they are times."""
-    stamps, poses = [], []
-    for number, words in rows:
-        if len(words) != COLMAP_WORDS or words[-1].lstrip("-").isdigit() or not (name := _IN_NAME.search(words[-1])):
-            continue  # a line of points
-        values = finite_numbers(words[1:8], f"{path}:{number}", 7, "qw qx qy qz tx ty tz of an image")
-        poses.append(inverse(_pose([*values[4:], *values[1:4], values[0]], f"{path}:{number}")))
-        stamps.append(float(name[1]) * seconds_in(float(name[1])))
-    if not poses:
-        raise RecordingError(f"{path}: no image of COLMAP with a number in its name; expected IMAGE_ID QW QX QY QZ TX TY TZ "
-                             "CAMERA_ID NAME")
-    return _counted(_ascending(np.array(stamps), np.array(poses)))
 
 
 def _untimed(path: Path, rows: Rows) -> Trajectory:

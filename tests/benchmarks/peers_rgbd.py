@@ -14,6 +14,7 @@ trained on the frames themselves (peers_vocabulary.py; the column says so): it s
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import subprocess
@@ -28,6 +29,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 HERE = Path(__file__).resolve().parent
 OURS = ("keyframe", "procrustes", "orb")
 PEERS = ("orb_slam3", "open3d_hybrid")
+PUBLISHED = Path("results/tables/peers_rgbd.csv")
+NEEDS = {"orb_slam3": "pyorbslam3", "open3d_hybrid": "open3d"}  # modules of extras; evo judges every method
 EVO = """
 import json, sys
 from evo.core import metrics, sync
@@ -49,8 +52,14 @@ def main() -> int:
     parser.add_argument("--methods", nargs="+", default=[*OURS, *PEERS], choices=[*OURS, *PEERS])
     parser.add_argument("--seeds", type=int, default=1, help="runs of each method")
     parser.add_argument("--vocabulary", default=os.environ.get("PYORBSLAM3_VOCAB", ""))
-    parser.add_argument("--out", type=Path, default=Path("results/tables/peers_rgbd.csv"))
+    parser.add_argument("--out", type=Path,
+                        help=f"table to write; with all methods {PUBLISHED}, with some none")
     chosen = parser.parse_args()
+    out = chosen.out or (PUBLISHED if {*OURS, *PEERS} <= {*chosen.methods} else None)
+    if missing := not_installed(chosen.methods):
+        print(f"peers_rgbd: {', '.join(missing)} not installed; type pip install -e '.[peers]', or --methods "
+              f"{' '.join(OURS)} (these need evo); nothing was run or written", file=sys.stderr)
+        return 2
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         written = subprocess.run([sys.executable, str(HERE / "peers_frames.py"), str(folder), *chosen.words], check=False)
@@ -58,9 +67,19 @@ def main() -> int:
             return written.returncode
         rows = [row for method in chosen.methods for seed in range(chosen.seeds)
                 for row in judged(folder, method, seed, chosen.vocabulary)]
-    write(chosen.out, rows)
-    print(chosen.out.read_text())
+    if failed := [row for row in rows if row["note"].startswith(("failed", "evo"))]:
+        print(f"peers_rgbd: {failed[0]['method']} {failed[0]['note']}; no table is written", file=sys.stderr)
+        return 1
+    if out is not None:
+        write(out, rows)
+        print(out.read_text())
     return 0
+
+
+def not_installed(methods: list[str]) -> list[str]:
+    """The modules that these methods, or their judge, would need and that are not there."""
+    return [name for name in ["evo", *(NEEDS[one] for one in methods if one in NEEDS)]
+            if importlib.util.find_spec(name) is None]
 
 
 def judged(folder: Path, method: str, seed: int, vocabulary: str) -> list[dict[str, Any]]:

@@ -43,6 +43,19 @@ def motive(unit="Millimeters", scale=1000.0, bodies=("cart",), rotation="Quatern
     return text
 
 
+def qualisys(bodies=1, times=True):
+    """As QTM exports 6DOF data: millimetres, a rotation column by column, zeros in the third frame."""
+    one = [f"{'cart ' * (k == 0)}{name}" for k, name in enumerate(
+        ["X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{k}]" for k in range(9))])]
+    text = (f"NO_OF_FRAMES\t{COUNT}\nNO_OF_CAMERAS\t4\nNO_OF_BODIES\t{bodies}\nFREQUENCY\t10\nDATA_INCLUDED\t6D\n"
+            "BODY_NAMES\tcart\n" + "\t".join((["Frame", "Time"] if times else []) + one * bodies) + "\n")
+    for k, pose in enumerate(WAY.poses):
+        numbers = [*1000 * pose[:3, 3], 0, 0, 0, 2.5, *pose[:3, :3].T.ravel()] if k != 2 else [0.0] * 16
+        cells = [f"{k + 1}", f"{0.1 * k:.5f}"] if times else []
+        text += "\t".join([*cells, *(f"{v:.9f}" for v in numbers * bodies)]) + "\n"
+    return text
+
+
 def kapture(devices=("0",)):
     rows = "".join(f"{k}, {devices[k % len(devices)]}, {words(np.roll(quaternion_xyzw(tcw[:3, :3]), 1), tcw[:3, 3])}\n"
                    for k, tcw in enumerate(inverse(WAY.poses)))
@@ -94,13 +107,34 @@ def open3d():
     (arkit, "lowres_wide.traj", WAY.stamps_s), (robotcar, "ins.csv", 1e9 + WAY.stamps_s),
     (nuscenes, "ego_pose.json", 1e9 + WAY.stamps_s), (nerfstudio, "transforms.json", NUMBERED),
     (scannetpp, "pose_intrinsic_imu.json", NUMBERED), (record3d, "metadata.json", NUMBERED),
-    (open3d, "trajectory.json", NUMBERED),
+    (open3d, "trajectory.json", NUMBERED), (qualisys, "walk_6D.tsv", np.delete(WAY.stamps_s, 2)),
 ])
 def test_an_export_is_read_as_what_it_means(tmp_path, form, name, stamps):
     (tmp_path / name).write_text(form())
     read = read_trajectory(tmp_path / name)
-    known = [k for k in range(COUNT) if k != 2 or form is not motive]
+    known = [k for k in range(COUNT) if k != 2 or form not in (motive, qualisys)]
     assert np.allclose(read.stamps_s, stamps) and np.allclose(read.poses, WAY.poses[known], atol=1e-6)
+
+
+def test_a_recorded_table_of_qualisys_turns_as_the_angles_in_it_say(tmp_path):
+    """The first frame of a ship model in a basin (shiplab/dt_cv, M510A): roll -0.656, pitch 0.094 and yaw 0.058 degrees."""
+    (tmp_path / "a.tsv").write_text(
+        "NO_OF_FRAMES\t1\nNO_OF_CAMERAS\t4\nNO_OF_BODIES\t1\nFREQUENCY\t100\nDESCRIPTION\t--\nDATA_INCLUDED\t6D\n"
+        "BODY_NAMES\tPSVH\nFrame\tTime\tPSVH X\tY\tZ\tRoll\tPitch\tYaw\tResidual\t"
+        + "\t".join(f"Rot[{k}]" for k in range(9)) + "\n1\t0.00000\t-194.91974\t2.24150\t0.99661\t-0.65630\t0.09391\t"
+        "0.05772\t4.98536\t1.00000\t0.00099\t-0.00165\t-0.00101\t0.99993\t-0.01145\t0.00164\t0.01145\t0.99993\n")
+    pose = read_trajectory(tmp_path / "a.tsv").poses[0]
+    assert pose[:3, 3] == pytest.approx([-0.19492, 0.00224, 0.001], abs=1e-5)
+    turned = Rotation.from_euler("XYZ", [-0.6563, 0.09391, 0.05772], degrees=True).as_matrix()
+    np.testing.assert_allclose(pose[:3, :3], turned, atol=1e-4)
+
+
+def test_a_table_of_qualisys_of_two_bodies_is_refused_and_one_without_times_takes_its_rate(tmp_path):
+    (tmp_path / "a.tsv").write_text(qualisys(bodies=2))
+    with pytest.raises(RecordingError, match=r"2 rigid bodies of Qualisys \(6D data\); expected one: export its 6DOF data"):
+        read_trajectory(tmp_path / "a.tsv")
+    (tmp_path / "a.tsv").write_text(qualisys(times=False))
+    assert np.allclose(read_trajectory(tmp_path / "a.tsv").stamps_s, np.delete(WAY.stamps_s, 2))
 
 
 def test_poses_by_the_numbers_of_images_take_the_times_beside_them(tmp_path):
@@ -117,7 +151,7 @@ def test_poses_by_the_numbers_of_images_take_the_times_beside_them(tmp_path):
     ("trajectories.txt", kapture(("left", "right")), "the lines of one"),
     ("way.json", '{"version": 1}', "cannot be read"), ("way.json", "{", "cannot be read"),
     ("walk.csv", "Objects\n100\n,,cart\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n", "Vicon.*write it as lines of `stamp x y z"),
-    ("walk.tsv", "NO_OF_FRAMES\t20\n", "Qualisys, in millimetres"),
+    ("walk.tsv", "NO_OF_FRAMES\t20\nDATA_INCLUDED\t3D\n", r"rigid body of Qualisys \(3D data\); expected one: export"),
     ("problem.txt", "4 9 20\n0 1     -3.9 2.6\n", r"\(BAL\)"),
     ("walk.bag", "#ROSBAG V2.0\n", "evo_traj bag2 walk.bag /TOPIC --save_as_tum"), ("a.gpx", "<gpx>", "east, north and up"),
     ("walk.log", "FLASER 1 2.0 0 0 0 0 0 0 1 a 1\n", "source=replay source.path=walk.log"),

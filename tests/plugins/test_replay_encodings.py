@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rhs.api.errors import ConfigError
-from rhs_sources.bags.messages import color_of, depth_of
+from rhs_sources.bags.messages import color_of, depth_of, shift_of
 from rhs_sources.bags.rvl import unpacked_rvl
 from rhs_sources.replay_images import UnreadableImage
 
@@ -72,14 +72,26 @@ def test_four_pixels_that_share_their_colour_are_red_and_a_cut_image_is_lost(enc
 
 
 @pytest.mark.parametrize(("encoding", "wanted"), [("rgb16", [200, 100, 50]), ("bgr16", [50, 100, 200])])
-def test_of_16_bits_a_colour_the_upper_8_are_kept_and_of_one_channel_nobody_knows_which(encoding, wanted):
+def test_of_16_bits_a_colour_the_upper_8_are_kept(encoding, wanted):
     pixels = (np.array([[[200, 100, 50]]], np.uint16) << 8) + 255
     message = SimpleNamespace(encoding=encoding, height=1, width=1, step=6, is_bigendian=0,
                               data=pixels.view(np.uint8).ravel())
     assert color_of(message, "/image").tolist() == [[wanted]]
-    message.encoding = "mono16"
-    with pytest.raises(ConfigError, match="mono16 .of depth type source.depth_topic=/image.; republish them as rgb8"):
-        color_of(message, "/image")
+
+@pytest.mark.parametrize(("bits", "encoding"), [(10, "mono16"), (14, "16UC1"), (16, "mono16")])
+def test_grey_images_of_16_bits_lose_the_lower_ones_of_those_that_are_used(caplog, bits, encoding):
+    """Grey from black to white in 10, 14 or 16 bits is 0 to 255."""
+    pixels = np.linspace(0, (1 << bits) - 1, 512).astype(np.uint16).reshape(2, 256)
+    message = SimpleNamespace(encoding=encoding, height=2, width=256, step=512, is_bigendian=0,
+                              data=pixels.view(np.uint8).ravel())
+    shift = shift_of(message, "/image")
+    image = color_of(message, "/image", shift)
+    assert shift == bits - 8 and image.shape == (2, 256, 3) and (image[0, 0, 0], image[1, 255, 2]) == (0, 255)
+    assert f"taken for grey ones of {bits} bits (of depth type source.depth_topic=/image)" in caplog.text
+    message.data = np.full(1024, 8, np.uint8)[: 512 * 2]
+    assert shift_of(message, "/image") and "thermal camera's" in caplog.text
+    with pytest.raises(ConfigError, match="images are 32FC1; republish them as rgb8"):
+        color_of(SimpleNamespace(encoding="32FC1"), "/image")
 
 
 @pytest.mark.parametrize("form", ["bayer_rggb8; png compressed ", "bayer_rggb8; jpeg compressed "])

@@ -125,7 +125,7 @@ FISHEYE = [-0.01, 0.02, -0.03, 0.01]
 
 @pytest.mark.parametrize(("name", "text"), [
     ("camchain.yaml", CHAIN.format("equidistant", FISHEYE, K)),
-    ("camera.json", json.dumps({"camera_model": "OPENCV_FISHEYE", "fl_x": 50, "fl_y": 50, "cx": 31.5, "cy": 23.5}
+    ("camera.json", json.dumps({"camera_model": "OPENCV_FISHEYE", "fl_x": 50, "fl_y": 50, "cx": 32, "cy": 24}
                                | {f"k{i}": k for i, k in enumerate(FISHEYE, 1)})),
     ("camera.txt", f"KannalaBrandt 50 50 31.5 23.5 {' '.join(map(str, FISHEYE))}\n64 48\ncrop\n64 48\n"),
     ("camera.yaml", "%YAML:1.0\nCamera.type: \"KannalaBrandt8\"\nCamera1.fx: 50\nCamera1.fy: 50\nCamera1.cx: 31.5\n"

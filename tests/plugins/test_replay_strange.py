@@ -52,7 +52,7 @@ def test_an_mcap_of_other_messages_says_so(tmp_path, profile, kind, said):
     with (tmp_path / "a.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start(profile=profile)
-        channel = writer.register_channel("/scan", kind, writer.register_schema("foxglove.LaserScan", kind, b""))
+        channel = writer.register_channel("/scan", kind, writer.register_schema("acme.Scan", kind, b""))
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()
     assert said in refused(tmp_path / "a.mcap") and "cut" not in refused(tmp_path / "a.mcap")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import BODY_FROM_OPTICAL, Camera, inverse, planar, se3
 from rhs.api.records import Capture
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_numbers
 
 from ..carmen.log import NO_CAMERA, check_unit, end_of_range
 from ..folders.clouds import check_solid
@@ -27,8 +27,10 @@ from . import messages as ros
 from . import realsense
 from .depth import color_from, depth_camera_of
 from .files import opened
+from .held import encodings_in, topics_in
 from .own_frame import check_scanners_own
-from .topics import IMAGES, Topics, choose_topics
+from .pairs import right_camera
+from .topics import Topics, choose_topics
 from .truth import read_truth
 from .turning import Turning, turning_in
 from .wheels import beside_wheels, odometry_in_tf, wheel_readings
@@ -43,8 +45,8 @@ def open_bag(path: Path, settings) -> Recording:
     """The views of a bag: paired colour and depth, or scans when there are no images."""
     reader = opened(path)
     try:
-        found = _found(reader)
-        topics = choose_topics(found, settings, str(path), _encodings(reader, found))
+        found = topics_in(reader)
+        topics = choose_topics(found, settings, str(path), encodings_in(reader, found))
         if topics.depth and not settings.depth_scale:
             settings = replace(settings, depth_scale=realsense.depth_scale(reader, topics.depth))
         links, moving = links_of(_transforms(reader, topics.sees))
@@ -53,9 +55,11 @@ def open_bag(path: Path, settings) -> Recording:
         turning = _turning(reader, topics, settings, placed)
         camera = NO_CAMERA
         if topics.color:
+            topics = replace(topics, shift=ros.shift_of(_first(reader, topics.color), topics.color))
             camera = _camera(reader, topics, settings, path, registered=placed.depth is None)
         if topics.color and placed.camera is not None:
             camera = replace(camera, body_from_camera=placed.camera)
+        right = right_camera(reader, topics, camera, links, settings) if topics.right else None
         sees = topics.sees
         truth = read_truth(reader, found, settings, sees=(sees, _frame(reader, sees)), body_from_frame=placed.frame
                            if topics.color else placed.cloud if topics.around else placed.scan)
@@ -65,7 +69,7 @@ def open_bag(path: Path, settings) -> Recording:
     counts: Counter = Counter()
     lost: list[str] = []
     stop = settings.start + settings.count * settings.stride if settings.count else None
-    found_views = _views(reader, topics, settings, (camera, placed), counts, lost)
+    found_views = _views(reader, topics, settings, (camera, placed, right), counts, lost)
     if settings.views_late_s:
         found_views = ((capture and replace(capture, stamp_s=capture.stamp_s - settings.views_late_s), reading)
                        for capture, reading in found_views)
@@ -85,44 +89,12 @@ def open_bag(path: Path, settings) -> Recording:
     total = reader.topics[sees].msgcount
     expected = max(0, -(-(total - settings.start) // settings.stride))
     expected = min(expected, settings.count) if settings.count else expected
-    return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost)
-
-
-def held_in_bag(path: Path, settings) -> frozenset[str]:
-    """What the views of a bag may hold, whichever of its sensors makes them, in the words of a part's needs."""
-    reader = opened(path)
-    try:
-        found = _found(reader)
-        encodings = _encodings(reader, found)
-    finally:
-        reader.close()
-    held: frozenset[str] = frozenset()
-    typed = settings.color_topic or settings.depth_topic
-    for views in (settings.views,) if typed else (settings.views, "scans", "clouds"):
-        with suppress(ConfigError):
-            held |= choose_topics(found, replace(settings, views=views), str(path), encodings).provide()
-    return held
-
-
-def _found(reader) -> dict[str, str]:
-    """Topic -> type, but for those that the recorder listed and never heard."""
-    counted = any(info.msgcount for info in reader.topics.values())
-    return {topic: info.msgtype for topic, info in reader.topics.items() if info.msgcount or not counted}
-
-
-def _encodings(reader, found: dict[str, str]) -> dict[str, str]:
-    """Of the first image of each topic of raw ones."""
-    out = {}
-    for topic in (topic for topic, kind in found.items() if kind == IMAGES[0]):
-        with suppress(ros.UnreadableBag):  # said where it is read
-            for _, _, message in islice(ros.stamped(reader, {topic}), 1):
-                out[topic] = str(message.encoding)
-    return out
+    return Recording(camera, captures(), expected, counts, provides=topics.provide(), lost=lost, right=right)
 
 
 def _recorded(reader, info: str, images: str) -> Camera | None:
     """The camera of a topic of images, as the first CameraInfo says."""
-    return ros.camera_of(_first(reader, info), rectified="rect" in images) if info else None
+    return ros.camera_of(_first(reader, info), rectified=ros.is_rectified(images)) if info else None
 
 
 def _recorded_color(reader, topics: Topics, settings) -> Camera | None:
@@ -138,7 +110,7 @@ def _recorded_color(reader, topics: Topics, settings) -> Camera | None:
 def _camera(reader, topics: Topics, settings, path: Path, *, registered: bool) -> Camera:
     """The camera: of the user, else of the first CameraInfo; its size checked against the first image."""
     recorded = _recorded_color(reader, topics, settings)
-    first = ros.color_of(_first(reader, topics.color), topics.color)
+    first = ros.color_of(_first(reader, topics.color), topics.color, topics.shift)
     camera = chosen_camera(settings.camera, first.shape[1::-1], recorded=recorded, where=path.name)
     if topics.depth:
         for number, (_, _, message) in enumerate(islice(ros.stamped(reader, {topics.depth}), WAITING)):
@@ -183,7 +155,8 @@ def _most_m(reader, topic: str) -> float:
     within = [one[(one > 0.0) & (one < scan.range_max)] for one, scan in zip(ranges, scans, strict=True)]
     check_unit(within, topic)
     end_m = end_of_range(within)
-    return end_m if scans and NEARLY * scans[0].range_max <= end_m else np.inf
+    said_m = float(scans[0].range_max) if scans else np.inf
+    return end_m if scans and (NEARLY * said_m <= end_m or said_m == np.inf) else np.inf  # Foxglove's say no range
 
 
 def _turning(reader, topics: Topics, settings, placed: Placed) -> Turning:
@@ -291,12 +264,12 @@ def _in_turn(reader, topics: Topics, settings, counts: Counter, lost: list[str])
         yield topic, stamp, message
 
 
-def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed], counts: Counter,
+def _views(reader, topics: Topics, settings, seen_by: tuple[Camera, Placed, Camera | None], counts: Counter,
            lost: list[str]) -> Iterator:
     """(Capture without number, None) as soon as all of a view is there, and (None, (stamp, pose)) of the wheels; views whose
     images cannot be read are left out and said to be lost."""
     placed, scan = seen_by[1], None
-    waiting: dict[str, deque] = {topics.color: deque(), topics.depth or topics.cloud: deque()}
+    waiting: dict[str, deque] = {topics.color: deque(), topics.beside: deque()}
     for topic, stamp, message in _in_turn(reader, topics, settings, counts, lost):
         if topic in (topics.wheel, topics.tf):
             readings = [(None, reading) for reading in wheel_readings(message, stamp, topics, topic)]
@@ -346,7 +319,7 @@ def _as_far_as_it_goes(messages: Iterator, lost: list[str]) -> Iterator:
 def _paired(waiting: dict[str, deque], topics: Topics, settings, counts: Counter) -> Iterator:
     """Colour and depth messages that belong together, oldest first; those that never will are counted."""
     colors = waiting[topics.color]
-    deep = topics.depth or topics.cloud
+    deep = topics.beside
     while not deep and colors:
         yield colors.popleft(), None
     depths = waiting[deep]
@@ -365,15 +338,18 @@ def _paired(waiting: dict[str, deque], topics: Topics, settings, counts: Counter
             counts["unpaired"] += 1
 
 
-def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed], scan) -> Capture:
+def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed, Camera | None], scan) -> Capture:
     (stamp, color), deep = pair
-    camera, placed = seen_by
-    image = ros.color_of(color, topics.color)
+    camera, placed, second = seen_by
+    beside: dict[str, np.ndarray] = {}
+    image = ros.color_of(color, topics.color, topics.shift)
     if image.shape[:2] != (camera.height, camera.width):
         raise UnreadableImage(f"{topics.color}: found {image.shape[1]}x{image.shape[0]} pixels; expected "
                               f"{camera.width}x{camera.height} as in the first view")
     depth = None
-    if deep is not None and topics.depth:
+    if second is not None:
+        beside = {RIGHT_CAMERA: camera_numbers(second), RIGHT_IMAGE: ros.color_of(deep[1], topics.right, topics.shift)}
+    elif deep is not None and topics.depth:
         depth = ros.depth_of(deep[1], topics.depth, scale=settings.depth_scale, max_depth_m=settings.max_depth_m)
         depth = depth if placed.depth is None else placed.depth.registered(depth, camera)
     elif deep is not None:
@@ -381,7 +357,7 @@ def _seen(pair, topics: Topics, settings, seen_by: tuple[Camera, Placed], scan) 
                                 camera_from_cloud=placed.cloud)
     if depth is not None:
         check_pair(image, depth, f"{topics.color} and {topics.depth or topics.cloud}")
-    return Capture(0, stamp, image=image, depth=depth, scan=scan, sensed=True)
+    return Capture(0, stamp, image=image, depth=depth, scan=scan, sensed=True, extras=beside)
 
 
 def _cloud(message, topic: str, stamp_s: float, placed: Placed) -> dict[str, np.ndarray]:

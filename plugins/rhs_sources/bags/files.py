@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
 
 from rhs.api.errors import ConfigError
 from rhs.recording.mcap_scan import open_scan
+
+from .foxglove import McapBag
 
 PART_S = 5.0  # between the end of a part and the beginning of the next; a recorder that splits loses less
 LIVOX = {"CustomPoint": "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line",
@@ -47,6 +50,8 @@ def opened(path: Path):
     try:
         for one in files if file.suffix == ".mcap" else ():
             open_scan(one)[0].close()  # refuses what would unpack without end
+        if len(files) == 1 and file.suffix == ".mcap" and (foreign := _of_others(file)) is not None:
+            return foreign
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         store = get_typestore(Stores.ROS2_HUMBLE)
@@ -66,6 +71,13 @@ def opened(path: Path):
         raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
     _check_parts(reader, files)
     return reader
+
+
+def _of_others(file: Path) -> McapBag | None:
+    """An MCAP file of Foxglove's messages or those of ROS 1; None of another, or one that is broken."""
+    with suppress(Exception):  # said where it is read as a bag of ROS 2
+        return McapBag(file)
+    return None
 
 
 def _other_messages(file: Path) -> str:

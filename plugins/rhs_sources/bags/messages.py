@@ -30,6 +30,7 @@ BAYER = {"bayer_rggb8": "BayerRGGB2RGB", "bayer_bggr8": "BayerBGGR2RGB", "bayer_
          "bayer_grbg8": "BayerGRBG2RGB"}  # sensor_msgs' words for the first two by two pixels, and OpenCV's
 YUV = {"yuv422": "YUV2RGB_UYVY", "uyvy": "YUV2RGB_UYVY", "yuv422_yuy2": "YUV2RGB_YUY2", "yuyv": "YUV2RGB_YUY2"}  # of webcams
 PLANES = {"nv12": "YUV2RGB_NV12", "nv21": "YUV2RGB_NV21"}  # brightness, then colours of two by two pixels (Isaac ROS)
+WIDE, FEW_SHADES = ("mono16", "16UC1"), 40  # grey of 16 bits; of 256
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 FEW, SAME = 10, 0.34  # messages; share of them with stamps of their own from which on stamps are believed
 LOOKED_AT, NEAR_S = 100, 60.0  # messages of a topic for its first stamp; it is of a clock that began at zero
@@ -37,6 +38,7 @@ MOST_RAD = 2.0 * np.pi + 0.1  # of a scan: a turn, and what rounding and doubled
 OFF = 0.05  # of what a scan covers, by which its end may be off
 FURTHEST_M = 500.0  # that lasers which look round see
 UNIT = 0.05  # a quaternion may be so much longer or shorter than 1
+KITTI = "/kitti/camera_"
 LEAST_PX = 2.0  # of a focal length; shares of the image (0.8) are none
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **FLOATS}
@@ -109,8 +111,24 @@ def _begins_at_zero(reader, connection) -> bool:
     return False
 
 
-def color_of(message, topic: str) -> np.ndarray:
-    """(H, W, 3) uint8 RGB of an Image or CompressedImage."""
+def shift_of(message, topic: str) -> int:
+    """By how many bits the pixels of a grey image of 16 are above 8: cameras of 10, 12 and 14 leave the upper ones empty. 0
+    of other images; said where what they show uses few of them (a thermal camera's)."""
+    if getattr(message, "encoding", "") not in WIDE:
+        return 0
+    values = _rows(message, np.dtype("u2"), 1, topic)
+    most, least = (int(np.percentile(values, share)) for share in (99.9, 0.1))
+    shift = max(most.bit_length() - 8, 0)
+    log.warning("%s: its images are %s: taken for grey ones of %d bits (of depth type source.depth_topic=%s)", topic,
+                message.encoding, shift + 8, topic)
+    if (shades := (most >> shift) - (least >> shift)) < FEW_SHADES:
+        log.warning("%s: its images of 16 bits use a small part of them (a thermal camera's?), %d shades of 256: stretch "
+                    "all alike, from %d to %d, into mono8", topic, shades, least, most)
+    return shift
+
+
+def color_of(message, topic: str, shift: int = 8) -> np.ndarray:
+    """(H, W, 3) uint8 RGB of an Image or CompressedImage; shift: of grey images of 16 bits."""
     if hasattr(message, "format"):
         encoding = message.format.split(";")[0].strip()
         if encoding.lower() in VIDEO:
@@ -128,12 +146,14 @@ def color_of(message, topic: str) -> np.ndarray:
         if int(message.width) % 2:
             raise ConfigError(f"{topic}: {message.encoding} images are {message.width} pixels wide; expected an even number")
         return cv2.cvtColor(_rows(message, np.dtype("u1"), 2, topic), getattr(cv2, f"COLOR_{YUV[message.encoding]}"))
+    if message.encoding in WIDE:
+        grey = np.minimum(_rows(message, np.dtype("u2"), 1, topic) >> shift, 255).astype(np.uint8)
+        return np.repeat(grey, 3, axis=2)
     if message.encoding in PLANES:
         return _of_planes(message, topic)
     if message.encoding not in COLOR:
-        known = ", ".join((*COLOR, *BAYER, *YUV, *PLANES))
-        depth = f" (of depth type source.depth_topic={topic})" if message.encoding in DEPTH else ""
-        raise ConfigError(f"{topic}: images are {message.encoding or 'of no encoding'}{depth}; republish them as rgb8 or "
+        known = ", ".join((*COLOR, *WIDE, *BAYER, *YUV, *PLANES))
+        raise ConfigError(f"{topic}: images are {message.encoding or 'of no encoding'}; republish them as rgb8 or "
                           f"mono8 (cv_bridge) and record that; expected one of {known}")
     channels, order = COLOR[message.encoding]
     wide = message.encoding.endswith("16")
@@ -179,15 +199,22 @@ def usual_scale(message) -> float:
     return 1.0 if kind.startswith("32FC1") else 1000.0
 
 
+def is_rectified(topic: str) -> bool:
+    """Whether a topic's images had their lens undone, as its name says; kitti2bag names KITTI's rectified ones image_raw and
+    writes the K of the raw ones beside them."""
+    return "rect" in topic or topic.startswith(KITTI)
+
+
 def camera_of(message, *, rectified: bool = False) -> Camera | None:
-    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero, or in no pixels). rectified: of
-    images whose lens has been undone, whose camera is P (sensor_msgs/CameraInfo)."""
+    """The camera of a CameraInfo, hand-held; None when it was not calibrated (K is zero, or in no pixels, and so is P).
+    rectified: of images whose lens has been undone, whose camera is P (sensor_msgs/CameraInfo)."""
     k = np.asarray(message.K if hasattr(message, "K") else message.k, float).reshape(3, 3)
     d = tuple(float(v) for v in (message.D if hasattr(message, "D") else message.d))
-    if not np.all(np.isfinite(k)) or min(k[0, 0], k[1, 1]) < LEAST_PX:
-        return None
     p = np.asarray(message.P if hasattr(message, "P") else message.p, float).reshape(3, 4)
-    if rectified and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
+    alone = not k.any() and min(p[0, 0], p[1, 1]) >= LEAST_PX  # kitti2bag, of KITTI odometry
+    if not alone and (not np.all(np.isfinite(k)) or min(k[0, 0], k[1, 1]) < LEAST_PX):
+        return None
+    if (rectified or alone) and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
         return Camera(message.width, message.height, p[0, 0], p[1, 1], p[0, 2], p[1, 2], p[0, 1])
     if message.distortion_model in LENS_MODELS and d:
         try:

@@ -8,6 +8,7 @@ from os.path import commonprefix
 
 from rhs.api.errors import ConfigError
 from rhs.api.settings import nearest
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE
 
 from ..unread import of_topics
 from .depth import SAID_REGISTERED
@@ -18,6 +19,9 @@ KINDS = {"color": ("Image", "CompressedImage"), "depth": ("Image", "CompressedIm
          "info": ("CameraInfo",), "scan": ("LaserScan", "MultiEchoLaserScan"), "wheel": ("Odometry",)}  # of typed topics
 METRIC, PICTURES = ("16UC1", "32FC1"), ("rgb8", "bgr8", "8UC3", "rgba8", "bgra8")  # encodings of depth; of its pictures
 NOTHING: Mapping[str, str] = {}
+LEFT = (("left", "right"), ("infra1", "infra2"), ("infrared_1", "infrared_2"), ("cam0", "cam1"), ("cam_0", "cam_1"),
+        ("camera0", "camera1"), ("camera_0", "camera_1"), ("fisheye1", "fisheye2"), ("image_0", "image_1"),
+        ("cam1", "cam2"))  # in the names of a pair
 NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
 
 
@@ -33,12 +37,16 @@ class Topics:
     wheel: str = ""
     depth_info: str = ""
     tf: str = ""
+    right: str = ""  # of the second camera of a pair, and its CameraInfo
+    right_info: str = ""
+    shift: int = 0  # of grey images of 16 bits, down to 8
     odometry: tuple[str, str] = ("", "")  # parent and child of the wheels' link in tf, where no topic has them
 
     def provide(self) -> frozenset[str]:
         """What the views will hold, in the words of a part's needs."""
         held = {"image": self.color, "gray": self.color, "depth": self.depth or (self.cloud if self.color else ""),
-                "scan": self.scan, "wheel": self.wheel or self.tf, "cloud": self.around}
+                "scan": self.scan, "wheel": self.wheel or self.tf, "cloud": self.around, RIGHT_IMAGE: self.right,
+                RIGHT_CAMERA: self.right}
         return frozenset(word for word, topic in held.items() if topic)
 
     @property
@@ -51,8 +59,13 @@ class Topics:
         """The topic whose messages are the views."""
         return self.color or self.around or self.scan
 
+    @property
+    def beside(self) -> str:
+        """The topic whose messages go with those of colour."""
+        return self.depth or self.cloud or self.right
+
     def used(self) -> set[str]:
-        return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel, self.tf) if t}
+        return {t for t in (self.color, self.depth, self.cloud, self.scan, self.wheel, self.tf, self.right) if t}
 
 
 def choose_topics(found: dict[str, str], settings, where: str, encodings: Mapping[str, str] = NOTHING) -> Topics:
@@ -74,11 +87,18 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     def of(*kinds: str) -> list[str]:
         return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
 
+    if settings.stereo:
+        left, right = _two_eyes([t for t in images if t not in deep], settings, where)
+        infos, scan = of("CameraInfo"), pick("scan", of(*KINDS["scan"]))
+        told = [next(iter(near), "") if len(near := _beside(eye, infos)) == 1 else "" for eye in (left, right)]
+        if told[0] == told[1]:  # of one of the two
+            told = ["" if eye not in _beside(told[0], [left, right]) else told[0] for eye in (left, right)]
+        return Topics(left, info=told[0], scan=scan, wheel=pick("wheel", of("Odometry")), right=right, right_info=told[1])
     alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": CLOUDS}.get(settings.views, ())
     if of(*alone):
         plain, deep = [], []
     color = pick("color", plain)
-    depth, scan = pick("depth", deep, color), pick("scan", of(*KINDS["scan"]))
+    depth, scan = pick("depth", [t for t in deep if t != color], color), pick("scan", of(*KINDS["scan"]))
     scan = "" if settings.views == "clouds" and of(*alone) else scan
     clouds = of(*CLOUDS) if not depth and settings.depth_topic != "none" and (color or not scan) else []
     if not color and not scan and len(clouds) > 1:
@@ -97,6 +117,27 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     info = pick("info", infos, color) if color else ""
     deep = _beside(depth, infos) if depth else []
     return Topics(color, depth, cloud, info, scan, pick("wheel", of("Odometry")), deep[0] if len(deep) == 1 else "")
+
+
+def _two_eyes(images: list[str], settings, where: str) -> tuple[str, str]:
+    """The topics of a pair of cameras: as they were typed, else the only two that are named alike but for LEFT. Raises
+    ConfigError."""
+    for name in ("color", "right"):
+        if (wanted := getattr(settings, f"{name}_topic")) and wanted not in images:
+            raise ConfigError(f"{where}: source.{name}_topic={wanted}{nearest(wanted, images)}; found "
+                              f"{', '.join(sorted(images)) or 'no images'}; expected a topic of images")
+    pairs = [(one, other) for one in images for left, right in LEFT if left in one.lower()
+             for other in images if other != one and other.lower() == one.lower().replace(left, right)]
+    pairs = [(left, right) for left, right in pairs if settings.color_topic in ("", left)]
+    raw = [pair for pair in pairs if not pair[0].endswith("/compressed")] or pairs
+    pairs = [pair for pair in raw if "rect" in pair[0]] or raw  # whose lenses were undone
+    if settings.right_topic:
+        pairs = [(settings.color_topic or next((left for left, _ in pairs), ""), settings.right_topic)]
+    if len(pairs) != 1 or not pairs[0][0] or pairs[0][0] == pairs[0][1]:
+        found = f"{len(pairs)} pairs of cameras" if len(pairs) > 1 else "no two cameras named alike (left and right)"
+        raise ConfigError(f"{where}: found {found} among {', '.join(sorted(images)) or 'no images'}; type "
+                          "source.color_topic=LEFT source.right_topic=RIGHT")
+    return pairs[0]
 
 
 def _perhaps_depth(found: dict[str, str]) -> bool:

@@ -55,8 +55,9 @@ def open_euroc(path: Path, settings) -> Recording:
     truth = _truth(folder, name, sensor, settings)
     right = _right(folder, stamps, settings) if settings.stereo else {}
     beside: dict[str, np.ndarray] = {}
-    if right:
-        beside[RIGHT_CAMERA] = camera_numbers(_second(folder, sensor, camera))
+    second = _second(folder, sensor, camera) if right else None
+    if second is not None:
+        beside[RIGHT_CAMERA] = camera_numbers(second)
         rejected = rejected + Counter(unpaired=len(stamps) - len(right))
         stamps, files, right = stamps[list(right)], [files[i] for i in right], dict(enumerate(right.values()))
 
@@ -74,7 +75,7 @@ def open_euroc(path: Path, settings) -> Recording:
     provides = {"image", "gray"} | ({"imu"} if imu is not None else set()) | ({RIGHT_IMAGE, *beside} if right else set())
     if truth is not None:
         rejected = rejected + Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
-    return led(Listed(str(folder), stamps, read, camera, frozenset(provides), pose, rejected), settings)
+    return led(Listed(str(folder), stamps, read, camera, frozenset(provides), pose, rejected, right=second), settings)
 
 
 def _mav0(path: Path) -> Path:

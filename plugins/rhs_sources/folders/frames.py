@@ -27,6 +27,7 @@ from ..replay_images import (
     is_wide,
     read_color,
     read_depth,
+    reads_exr,
     resized,
     shrunk,
     without_mosaic,
@@ -78,18 +79,20 @@ def open_frames(path: Path, settings) -> Recording:
 
 def _listed(path: Path) -> tuple[list[tuple[str, Path]], list[tuple[str, Path]]]:
     """(number, file) of the images of colour and of depth: in a folder each, or named depth000001.png in one for both."""
-    colors, within = _folder(path, COLORS), _folder(path, DEPTHS, DEEP_IMAGES)
+    kinds = (*DEEP_IMAGES, ".exr") if reads_exr() else DEEP_IMAGES
+    colors, within = _folder(path, COLORS), _folder(path, DEPTHS, kinds)
     if within is None and (strange := _folder(path, DEPTHS, ("",))) is not None:
-        log.warning("%s: no depth is read from %s; expected numbered %s; write others as .npy (metres)", path.name,
-                    strange.name, ", ".join(DEEP_IMAGES[:6]))
+        more = "; of .exr type pip install OpenEXR" if any(strange.glob("*.exr")) else ""
+        log.warning("%s: no depth is read from %s; expected numbered %s; write others as .npy (metres)%s", path.name,
+                    strange.name, ", ".join(DEEP_IMAGES[:6]), more)
     together = _images(colors or path)
     if within is not None:
-        return together, _images(within, DEEP_IMAGES)
+        return together, _images(within, kinds)
     if along_rays := _images(path, (povray.DEPTH,)):
         return together, along_rays
     if other := [file for file in (colors or path).iterdir() if file.suffix.lower() in DEEP_ELSE]:
-        log.warning("%s: no depth is read from its %d files such as %s; put them into a folder depth (.exr as .npy, "
-                    "metres), numbered as the images", path.name, len(other), other[0].name)
+        log.warning("%s: no depth is read from its %d files such as %s; put them into a folder depth (.exr as .npy, metres, "
+                    "or pip install OpenEXR), numbered as the images", path.name, len(other), other[0].name)
     deep = ["depth" in file.stem.lower() for _, file in together]
     return ([one for one, is_deep in zip(together, deep, strict=True) if not is_deep],
             [one for one, is_deep in zip(together, deep, strict=True) if is_deep])

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.errors import ConfigError
-from rhs.api.geometry import Camera
+from rhs.api.geometry import Camera, inverse
 
 from ..lens_models import MODELS, with_lens
 
@@ -111,6 +111,19 @@ def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # json's, yaml's, of no text, too
         short = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
         raise ConfigError(f"{path}: cannot be read as a camera's intrinsics ({short}); {HOWTO}") from None
+
+
+def second_of_chain(path: Path, size: tuple[int, int]) -> tuple[Camera, np.ndarray] | None:
+    """The second camera of Kalibr's camchain.yaml and 4x4 first_from_second; None of another file. Raises ConfigError."""
+    try:
+        plain = read_yaml(path.read_text(encoding="utf-8-sig")) if path.suffix in (".yaml", ".yml") else None
+        if not isinstance(plain, dict) or "T_cn_cnm1" not in (plain.get("cam1") or {}):
+            return None
+        place = np.array(plain["cam1"]["T_cn_cnm1"], float).reshape(4, 4)
+        return camera_of_names(plain["cam1"], size), inverse(place)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise ConfigError(f"{path}: its cam1 cannot be read ({' '.join(str(error).split())[:100]}); expected Kalibr's "
+                          "camchain.yaml") from None
 
 
 def read_yaml(text: str) -> Any:
@@ -218,7 +231,8 @@ def camera_of_names(given: dict[str, Any], size: tuple[int, int]) -> Camera:
             raise ValueError(f"found {', '.join(map(str, list(given)[:5]))}; expected fx, fy, cx, cy or intrinsic_matrix")
         matrix = np.array([[plain[keys[0]], 0.0, plain[keys[2]]], [0.0, plain[keys[1]], plain[keys[3]]]], float)
     lens = _lens(plain, ("k1", "k2", "k3", "k4") if model in MODELS else ("k1", "k2", "p1", "p2", "k3"))
-    values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+    corner = 0.5 if "fl_x" in plain else 0.0  # Nerfstudio counts pixels from their corners, as COLMAP does
+    values = [matrix[0, 0], matrix[1, 1], matrix[0, 2] - corner, matrix[1, 2] - corner]
     return with_lens(_camera(values, (), said), model, lens) if model in MODELS else _camera(values, lens, said)
 
 

@@ -1,5 +1,6 @@
 """True poses as data sets write them: 12 or 16 numbers a line (KITTI, Replica), or behind a number (KITTI-360) or
-a stamp (MulRan), Open3D's trajectory.log, a folder of one 4x4 matrix a view (ScanNet), or of one .json (3D Scanner App,
+a stamp (MulRan), Open3D's trajectory.log, three lines of four numbers a view (SUN3D), a table with the number of each view
+(Stray Scanner's odometry.csv), a folder of one 4x4 matrix a view (ScanNet), or of one .json (3D Scanner App,
 Polycam), whose camera looks along -z with y up and is turned. Poses as the file has them; None of
 one that holds NaN or infinity: it was not found.
 """
@@ -13,15 +14,18 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import rotation_of_quaternion, se3
 from rhs.api.pose_exports import FLIPPED
-from rhs.api.trajectory import seconds_in
+from rhs.api.trajectory import check_unit, seconds_in
 
 from ..replay_cameras import check_pose
 from ..replay_stamps import number_of, rows
 
 FILES = ("groundtruth.txt", "poses.txt", "traj.txt", "trajectory.log", "traj_w_c.txt", "lowres_wide.traj",
-         "pose_intrinsic_imu.json")
+         "pose_intrinsic_imu.json", "odometry.csv")
 FOLDERS = ("pose", "poses")
+SUN3D = "extrinsics/*.txt"  # named by when they were made, the last the best
+POSED = ("x", "y", "z", "qx", "qy", "qz", "qw")
 PHONES = ("frame_*.json", "cameras/*.json")  # 3D Scanner App, Polycam
 _NUMBER = re.compile(r"(\d+)(?:\.pose)?$")  # 12, frame_0012, frame-000012.pose
 Poses = dict[int, np.ndarray | None]  # by line from 0, or by the number in the name
@@ -31,17 +35,21 @@ def poses_beside(folder: Path) -> Path | None:
     """The file, or the folder of files, of true poses in a folder of views."""
     files = (folder / name for name in FILES)
     inner = (folder / name for name in FOLDERS)
-    return next((path for path in files if path.is_file()), None) or next(
+    return next((path for path in (*files, *sorted(folder.glob(SUN3D))[-1:]) if path.is_file()), None) or next(
         (path for path in inner if path.is_dir() and any(path.glob("*.txt"))), None) or next(
         (path.parent for pattern in PHONES for path in folder.glob(pattern)), None)
 
 
 def poses_by_line(path: Path) -> Poses | None:
-    """Of a file with 12 or 16 numbers a line or of a trajectory.log; None of another. Raises ConfigError with its line."""
+    """Of a file with 12 or 16 numbers a line, SUN3D's three lines or a trajectory.log; None of another. Raises ConfigError
+    with its line."""
     table = rows(path)
     width = len(table[0][1]) if table else 0
     if width == 3 and len(table) % 5 == 0:
         return _logged(table, path)
+    if width == 4 and len(table) % 3 == 0 and {len(words) for _, words in table} == {4}:
+        table = [(table[k][0], [word for _, words in table[k : k + 3] for word in words]) for k in range(0, len(table), 3)]
+        width = 12
     if width not in (12, 16):
         return None
     out: Poses = {}
@@ -67,6 +75,25 @@ def poses_by_first(path: Path) -> dict[float, np.ndarray | None] | None:
             raise ConfigError(f"{where}: found {len(words)} numbers; expected {width}: a number or stamp and a pose")
         first = number_of(words[0], where)
         out[first * seconds_in(first)] = _pose([number_of(word, where) for word in words[1:]], where)
+    return out
+
+
+def poses_by_frame(path: Path) -> dict[float, np.ndarray | None] | None:
+    """Of a table whose header names a column `frame` (Stray Scanner), by that; None of another. Raises ConfigError with its
+    line."""
+    table = rows(path)
+    names = [name.lower() for name in table[0][1]] if table else []
+    if not {"frame", *POSED} <= {*names}:
+        return None
+    out: dict[float, np.ndarray | None] = {}
+    for number, words in table[1:]:
+        where = f"{path.name}:{number}"
+        if len(words) != len(names):
+            raise ConfigError(f"{where}: found {len(words)} columns; expected {len(names)}: {' '.join(names)}")
+        said = {name: number_of(word, where) for name, word in zip(names, words, strict=True)}
+        values = np.array([said[name] for name in POSED])
+        check_unit(values[3:].tolist(), where)
+        out[said["frame"]] = se3(rotation_of_quaternion(values[3:]), values[:3]) if np.isfinite(values).all() else None
     return out
 
 

@@ -21,7 +21,7 @@ from rhs.api.records import Capture
 from ..replay_images import UnreadableImage
 from ..replay_stamps import UNITS_S, Truth, read_tum_truth, typed_file
 from ..replay_tum import UNREADABLE, Recording
-from .poses import poses_by_first, poses_by_line, poses_by_number
+from .poses import poses_by_first, poses_by_frame, poses_by_line, poses_by_number
 
 _NUMBERED = re.compile(r"^(.*?)(\d+(?:\.\d+)?)$")
 _AND_TIME = re.compile(r"^\d{7}-(\d{12})$")  # number, and microseconds from the beginning (SUN3D, Redwood's objects)
@@ -49,6 +49,7 @@ class Listed:
     rejected: Counter = field(default_factory=Counter)
     repaired: Counter = field(default_factory=Counter)
     timed: bool = True
+    right: Camera | None = None
 
 
 def led(listed: Listed, settings) -> Recording:
@@ -75,7 +76,7 @@ def led(listed: Listed, settings) -> Recording:
             index, before = index + 1, i
 
     return Recording(listed.camera, views(), len(wanted), listed.rejected, provides=listed.provides, lost=lost,
-                     repaired=listed.repaired, timed=listed.timed)
+                     repaired=listed.repaired, timed=listed.timed, right=listed.right)
 
 
 def numbered(files: Iterable[Path], tail: str = "") -> list[tuple[str, Path]]:
@@ -158,7 +159,8 @@ def truth_of(file: Path | None, settings, numbers: Sequence[str] = (), *, untime
     poses = poses_by_line(file)
     if poses is not None:
         return (lambda line, stamp_s: poses.get(line)), Counter()
-    first = poses_by_first(file)
+    first = poses_by_frame(file) if untimed else None
+    first = first or poses_by_first(file)
     if first is not None and untimed:
         return (lambda line, stamp_s: first.get(float(numbers[line]))), Counter()
     if first is not None:
@@ -166,7 +168,7 @@ def truth_of(file: Path | None, settings, numbers: Sequence[str] = (), *, untime
         stamped = Truth(np.array(known), np.array([first[stamp] for stamp in known]), settings.max_truth_gap_s)
         return (lambda line, stamp_s: stamped.at(stamp_s)), Counter(truth_unknown=len(first) - len(known))
     truth = read_tum_truth(file, settings)
-    if untimed and file.suffix == ".json":  # of each image by the number in its name
+    if untimed and (file.suffix == ".json" or file.name == "images.txt"):  # of each image by the number in its name
         of = dict(zip(truth.stamps_s.tolist(), truth.poses, strict=True))
         return (lambda line, stamp_s: of.get(float(numbers[line]))), Counter()
     if untimed and len(truth.stamps_s) == len(numbers):
