@@ -37,6 +37,7 @@ PLACE_M = 1.3  # a known place may be moved so far
 VIEW_RAD = np.radians(50.0)  # what a camera sees at once; a Kinect sees 57 degrees
 VIEW_M = 4.0  # and so far
 LOOKS = 4  # rounds in which the tour is led to what a camera that looks ahead has missed
+AT_ONCE = 32  # stops whose ways are looked for together: a row of costs is a megabyte in a large building
 MISSED = 8  # squares of 0.3 m that are worth a detour
 
 
@@ -63,6 +64,13 @@ def propose(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...] | 
     robot does not fit."""
     coarse = coarser(grid, MOST_CELLS)
     return tour_on(coarse, clearance_of(coarse), radius_m + margin_m, start=start, places=places)
+
+
+def ground_of(grid: OccupancyGrid, radius_m: float, start: tuple[float, ...], margin_m: float = MARGIN_M) -> Ground:
+    """Where the middle of a robot of that radius may be, from a start (x, y, ...) metres. Raises ConfigError where it does not
+    fit."""
+    coarse = coarser(grid, MOST_CELLS)
+    return Ground(coarse, clearance_of(coarse), radius_m + margin_m, start)
 
 
 def tour_on(grid: OccupancyGrid, clearance_m: np.ndarray, need_m: float, *, start: tuple[float, ...] | None = None,
@@ -118,7 +126,8 @@ class Ground:
         self.home = int(np.flatnonzero((self.cells == cell).all(axis=1))[0])
         self.points_m = grid.centres(self.cells)
         self.graph = self._graph()
-        self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs and the node before, at each node
+        self.asked: np.ndarray | None = None  # (A,) nodes whose costs are kept
+        self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs of those, and the node before each node
 
     def _first(self, regions: np.ndarray, start: tuple[float, ...] | None) -> tuple[int, int]:
         """The cell to begin in: that of the start or the nearest that is wide enough, or the roomiest of the largest
@@ -198,7 +207,7 @@ class Ground:
         step = self.grid.resolution_m
         along = np.arange(0.0, sight_m, step) / step
         offsets = (UNITS[:, rays, None] * along).round().astype(int)  # (2, rays, steps)
-        seen = np.zeros(int(self._square(np.array(self.grid.shape))) + 1, bool)
+        seen = np.zeros(self._squares(), bool)
         limit = np.array(self.grid.shape) - 1
         r, c = np.clip(cell[0] + offsets[0], 0, limit[0]), np.clip(cell[1] + offsets[1], 0, limit[1])
         open_ = np.logical_and.accumulate(self.open_[r, c], axis=1)
@@ -211,24 +220,33 @@ class Ground:
         number: np.ndarray = (cells[0] // size) * (self.grid.shape[1] // size + 1) + cells[1] // size
         return number
 
-    def seen_ahead(self, route_m: np.ndarray) -> np.ndarray:
+    def _squares(self) -> int:
+        return int(self._square(np.array(self.grid.shape))) + 1
+
+    def share_seen(self, route_m: np.ndarray) -> float:
+        """Share of the squares that the robot's middle can get to that a camera sees from VIEW_M or nearer along a route."""
+        there = np.zeros(self._squares(), bool)
+        there[self._square(self.cells.T)] = True
+        return float(self.seen_ahead(route_m, VIEW_M)[there].mean())
+
+    def seen_ahead(self, route_m: np.ndarray, sight_m: float) -> np.ndarray:
         """(squares,) bool: seen by a camera that looks ahead along the route and turns on the spot in its corners."""
         legs = np.diff(route_m, axis=0)
         headings = [math.atan2(y, x) for x, y in legs.tolist()]
-        seen = np.zeros(self.needed.shape, bool)
+        seen = np.zeros(self._squares(), bool)
         for number, (a, leg, heading) in enumerate(zip(route_m[:-1], legs, headings, strict=True)):
             before = headings[number - 1] if number else heading
             swept = _rays_between(before, (heading - before + np.pi) % (2.0 * np.pi) - np.pi)
             ahead = _rays_between(heading, 0.0)
             for share in np.arange(0.0, 1.0, 0.4 / max(float(np.hypot(*leg)), 0.01)):
                 cell = self.grid.cells(a + share * leg)[0]
-                seen |= self._seen(cell, swept if share == 0.0 else ahead, max(VIEW_M, self._sight_m()))
+                seen |= self._seen(cell, swept if share == 0.0 else ahead, sight_m)
         return seen
 
     def missed(self, route_m: np.ndarray) -> list[int]:
         """Nodes from which what the camera missed is seen, each MISSED squares or more; none when little was missed. One
         that lies in what was missed counts twice: on the way there the camera looks at it."""
-        return self._that_see(self.needed & ~self.seen_ahead(route_m), MISSED, inside=2)
+        return self._that_see(self.needed & ~self.seen_ahead(route_m, max(VIEW_M, self._sight_m())), MISSED, inside=2)
 
     def seen_by(self, nodes: np.ndarray) -> np.ndarray:
         """(squares,) bool: seen from a way through these nodes."""
@@ -242,10 +260,13 @@ class Ground:
         from scipy.sparse.csgraph import dijkstra
 
         new = [stop for stop in dict.fromkeys(stops.tolist()) if stop not in self.ways]
-        if new:
-            costs, before = dijkstra(self.graph, indices=new, return_predecessors=True)
-            self.ways |= {stop: (costs[row], before[row]) for row, stop in enumerate(new)}
-        return np.array([self.ways[stop][0][stops] for stop in stops.tolist()])
+        if self.asked is None:  # stops that come later are among the spots
+            self.asked = np.union1d(self.spots, stops)
+        for some in (new[at : at + AT_ONCE] for at in range(0, len(new), AT_ONCE)):
+            costs, before = dijkstra(self.graph, indices=some, return_predecessors=True)
+            self.ways |= {stop: (costs[row, self.asked], before[row].copy()) for row, stop in enumerate(some)}
+        columns = np.searchsorted(self.asked, stops)
+        return np.array([self.ways[stop][0][columns] for stop in stops.tolist()])
 
     def way(self, a: int, b: int) -> list[int]:
         """Nodes from stop a to stop b, without a."""
@@ -350,18 +371,26 @@ def _rays_between(heading: float, turn: float) -> np.ndarray:
 
 def thinned(ground: Ground, stops: np.ndarray, keep: set[int]) -> np.ndarray:
     """The stops without those that the way between the others sees enough for; the first one and `keep` stay."""
-    kept = [int(stop) for stop in stops]
-    legs = {(a, b): ground.way(a, b) for a in kept for b in kept if a != b}
+    kept, legs = [int(stop) for stop in stops], dict[tuple[int, int], np.ndarray]()
 
-    def seen(some: list[int]) -> int:
-        nodes = [some[0]] + [node for a, b in zip(some, [*some[1:], some[0]], strict=True) if a != b for node in legs[a, b]]
-        return int((ground.seen_by(np.array(nodes)) & ground.needed).sum())
+    def leg(a: int, b: int) -> np.ndarray:
+        if (a, b) not in legs:
+            legs[a, b] = ground.seen_by(np.array([a, *ground.way(a, b)])) & ground.needed
+        return legs[a, b]
 
-    enough = seen(kept)
-    for stop in reversed(kept[1:]):
-        fewer = [other for other in kept if other != stop]
-        if stop not in keep and seen(fewer) >= enough - 1:
-            kept = fewer
+    times = np.zeros(ground.needed.shape, int)  # that each square is seen
+    for a, b in zip(kept, [*kept[1:], kept[0]], strict=True):
+        times += leg(a, b)
+    enough = int((times > 0).sum())
+    for number in range(len(kept) - 1, 0, -1):
+        stop = kept[number]
+        if stop in keep:
+            continue
+        a, b = kept[number - 1], kept[(number + 1) % len(kept)]
+        fewer = times - leg(a, stop) - leg(stop, b) + leg(a, b)
+        if int((fewer > 0).sum()) >= enough - 1:
+            times = fewer
+            del kept[number]
     return np.array(kept)
 
 
