@@ -43,8 +43,8 @@ WRITING = 5  # so many small marks in a drawn plan are likely to be a word
 APART_M = 0.5  # places that are proposed
 LEAST_ROOM_M2 = 1.0  # where a robot's middle has room
 LEAST_ROUTE_M = 0.5  # less is no patrol: the robot has room where it stands and nowhere else
-MOST_M2 = 1000.0  # of floor that a route of LONGEST_ROUTE_M is looked for on: several times what it passes; more for a longer one
-LONGEST_ROUTE_M = 60.0  # of a route that is proposed where nobody says: a survey of 60 m is 300 views and as many for its turns
+MOST_M2 = 1000.0  # of floor that a route of LONGEST_ROUTE_M is looked for on: several times what it passes
+LONGEST_ROUTE_M = 60.0  # of a route that is proposed where nobody says: a survey of 60 m is 300 views and its turns
 SHORTEST_M, FARTHEST_M = 20.0, 10_000.0  # that somebody may say
 
 
@@ -166,17 +166,17 @@ def settled(world: World, building: Building, file: Section) -> World:
     inside = world if "start" in given else replace(world, start=(x, y, 0.0))
     start: tuple[float, ...] = world.start if "start" in given else (x, y)
     places: int | tuple[Place, ...] = world.places if "places" in given else 4
-    grid = truth_grid(inside)
+    floor = grid = truth_grid(inside)
     try:
         left = rooms_left_m2(grid, world.robot_radius_m, start)
         if left:  # half a cell decides whether a door is wide enough
             grid = truth_grid(inside, 0.5 * grid.resolution_m)
             left = rooms_left_m2(grid, world.robot_radius_m, start)
         if isinstance(places, int):
-            need_m = world.robot_radius_m + MARGIN_M + SPARE_M
+            need_m, floor = world.robot_radius_m + MARGIN_M + SPARE_M, grid
             grid, start = keep_near_walls(grid, start, need_m, given=not given.isdisjoint(("start", "route_m")))
         tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name,
-                          longest_m=longest_route_m(file))
+                          longest_m=longest_route_m(file), floor=floor)
     except ConfigError as error:
         what = f"; {TRY}" if isinstance(places, int) else ""
         raise ConfigError(f"{world.path}: {error}{what}") from error
@@ -239,9 +239,9 @@ def on_route(places: tuple[Place, ...], route_m: np.ndarray) -> tuple[Place, ...
 
 
 def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...], places: int | tuple[Place, ...],
-               name: str, longest_m: float = LONGEST_ROUTE_M) -> Tour:
+               name: str, longest_m: float = LONGEST_ROUTE_M, floor: OccupancyGrid | None = None) -> Tour:
     """A tour of what lies near its start, in a large building; says so. longest_m bounds its length where no places
-    (name, x, y) are given that it must pass."""
+    (name, x, y) are given that it must pass. floor: the whole of it, where grid leaves out the middle of halls."""
     if not isinstance(places, int):
         tour = propose(grid, radius_m, start=start, places=places)
         if (found_m := length_m(tour.route_m)) > longest_m:
@@ -260,14 +260,15 @@ def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...]
         near = np.where(away_m <= reach_m, grid.probability, np.nan).astype(np.float32)
         tour = propose(OccupancyGrid(near, grid.resolution_m, grid.origin_m), radius_m, start=tour.start, places=places)
         found_m = length_m(tour.route_m)
-    ground = ground_of(grid, radius_m, tour.start)
-    floor_m2 = len(ground.cells) * ground.grid.resolution_m**2
     if part is not grid:  # as much longer as there is more floor
-        whole_m *= floor_m2 / (len(ground_of(part, radius_m, tour.start).cells) * ground.grid.resolution_m**2)
+        whole_m *= ground_of(grid, radius_m, tour.start).reached_m2 / ground_of(part, radius_m, tour.start).reached_m2
+    ground = ground_of(grid if floor is None else floor, radius_m, tour.start)
+    but = "" if floor is None or floor is grid else " but the middle of halls"
     type_m = min(FARTHEST_M, 10.0 * math.ceil(0.1 * whole_m))
-    log.warning("%s: the route that is proposed, %.0f m within %.0f m of the start, sees %.0f %% of the %.0f m2 that the robot "
-                "can get to, and the places lie on it; for all of it type source.survey_m=%.0f (some %d views)", name, found_m,
-                reach_m, 100.0 * ground.share_seen(tour.route_m), floor_m2, type_m, _views(whole_m))
+    log.warning("%s: the route that is proposed, %.0f m within %.0f m of the start, sees %.0f %% of the %.0f m2 that the "
+                "robot can get to, and the places lie on it; for all of it%s type source.survey_m=%.0f (some %d views)",
+                name, found_m, reach_m, 100.0 * ground.share_seen(tour.route_m), ground.reached_m2, but, type_m,
+                _views(whole_m))
     return tour
 
 

@@ -20,12 +20,12 @@ from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser, neighbours
+from .polyline import aside_m, past_start
 from .round_trip import round_trip
 
 SIGHT_M = 2.5  # the survey sees every free spot from so near at least; grows with the building, see `_sight_m`
 MARGIN_M = 0.1  # that a route keeps from what is not free, beyond the robot's radius
 SPARE_M = 0.02  # more clearance than asked for: what lies between the middles of two cells may be this much nearer
-PAST_M = 1.0  # the tour goes on so far past its start, that the last views are like the first
 BEND_M = 0.3  # a bend flatter than this is pulled straight
 ROOMY_M = 0.5  # clearance beyond what is needed that a detour is worth
 MOST_CELLS = 250_000  # of the grid that is searched; finer grids are searched with larger cells
@@ -67,8 +67,8 @@ def propose(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...] | 
 
 
 def ground_of(grid: OccupancyGrid, radius_m: float, start: tuple[float, ...], margin_m: float = MARGIN_M) -> Ground:
-    """Where the middle of a robot of that radius may be, from a start (x, y, ...) metres. Raises ConfigError where it does not
-    fit."""
+    """Where the middle of a robot of that radius may be, from a start (x, y, ...) metres. Raises ConfigError where it does
+    not fit."""
     coarse = coarser(grid, MOST_CELLS)
     return Ground(coarse, clearance_of(coarse), radius_m + margin_m, start)
 
@@ -123,11 +123,12 @@ class Ground:
         cell = self._first(regions, start)
         self.reached = regions == regions[cell]
         self.cells = np.argwhere(self.reached)
+        self.reached_m2 = len(self.cells) * grid.resolution_m**2
         self.home = int(np.flatnonzero((self.cells == cell).all(axis=1))[0])
         self.points_m = grid.centres(self.cells)
         self.graph = self._graph()
         self.asked: np.ndarray | None = None  # (A,) nodes whose costs are kept
-        self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs of those, and the node before each node
+        self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs, and of each node the one before
 
     def _first(self, regions: np.ndarray, start: tuple[float, ...] | None) -> tuple[int, int]:
         """The cell to begin in: that of the start or the nearest that is wide enough, or the roomiest of the largest
@@ -301,7 +302,7 @@ class Ground:
             i, j = waiting.pop()
             if j - i < 2:
                 continue
-            aside = _aside(points[i : j + 1])
+            aside = aside_m(points[i : j + 1])
             if aside.max() <= BEND_M and self._fits(points[i], points[j], 1.03 * (spent[j] - spent[i]) + 0.02):
                 continue
             middle = i + int(np.argmax(aside)) if aside.max() > 1e-9 else (i + j) // 2
@@ -392,25 +393,3 @@ def thinned(ground: Ground, stops: np.ndarray, keep: set[int]) -> np.ndarray:
             times = fewer
             del kept[number]
     return np.array(kept)
-
-
-def past_start(route_m: np.ndarray) -> np.ndarray:
-    """The closed route, and once more along its beginning for PAST_M."""
-    left, points = PAST_M, list(route_m)
-    for a, b in zip(route_m[:-1], route_m[1:], strict=True):
-        length = float(np.hypot(*(b - a)))
-        if length >= left:
-            points.append((a + (b - a) * (left / length)).round(4))
-            break
-        points.append(b)
-        left -= length
-    out: np.ndarray = np.array(points)
-    return out
-
-
-def _aside(points: np.ndarray) -> np.ndarray:
-    """(N,) distance of points from the straight line between the first and the last."""
-    a, b = points[0], points[-1]
-    along = np.clip(((points - a) * (b - a)).sum(axis=1) / max(float(((b - a) ** 2).sum()), 1e-12), 0.0, 1.0)
-    aside: np.ndarray = np.hypot(*(points - a - along[:, None] * (b - a)).T)
-    return aside

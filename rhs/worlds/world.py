@@ -48,8 +48,8 @@ FURNITURE = Surface("wood", (150.0, 110.0, 70.0), 20.0)
 
 def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, Any] | None = None) -> World:
     """A world by the name of a file in worlds/, or by path; or a drawn one, `random:FAMILY` (rhs.worlds.random.names), whose
-    number is `seed` where its name has none. robot: `robot_radius_m` or `footprint_m` (corners), `camera_height_m`, and
-    `survey_m` of somebody else's building, metres, in place of what the world says. Raises ConfigError: one line with file, line and advice."""
+    number is `seed` where its name has none. robot: `robot_radius_m` or `footprint_m` (corners), `camera_height_m`, and of
+    somebody else's building `survey_m`, metres, in place of what it says. Raises ConfigError: one line, with advice."""
     robot = robot or {}
     if is_random(name_or_path):
         _none_proposed(str(name_or_path), robot)

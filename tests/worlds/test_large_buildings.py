@@ -1,4 +1,4 @@
-"""A building too large for the route that is proposed: what is said of it, and that what is said to be typed surveys all of it."""
+"""A building too large for the route that is proposed: what is said of it, and that typing that surveys all of it."""
 
 import re
 
@@ -57,6 +57,16 @@ def test_a_world_file_may_say_how_long_its_survey_may_be(tmp_path, caplog):
     path.write_text("building: long.yaml\nsurvey_m: 200\nstart: [5, 1, 0]\nroute_m: [[5, 1], [20, 1]]\n")
     with pytest.raises(ConfigError, match="leave out one of them"):
         load_world(path)
+
+
+def test_of_a_large_hall_the_line_says_that_its_middle_is_left_out(tmp_path, caplog):
+    cells = np.ones((202, 302), np.float32)
+    cells[1:-1, 1:-1] = 0.0
+    save_map(tmp_path / "hall", OccupancyGrid(cells, 0.1, (0.0, 0.0)))
+    load_world(tmp_path / "hall.yaml")
+    said = re.search(r"sees (\d+) % of the (\d+) m2 .* all of it but the middle of halls type", caplog.messages[-1])
+    share, floor_m2 = map(int, said.groups())
+    assert floor_m2 == pytest.approx(29.4 * 19.4, rel=0.02) and share <= 100.0 * 60.0 * 5.0 / floor_m2
 
 
 @pytest.mark.parametrize("name", ["square_small", "random:loop/3"])
