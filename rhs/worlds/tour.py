@@ -127,6 +127,7 @@ class Ground:
         self.home = int(np.flatnonzero((self.cells == cell).all(axis=1))[0])
         self.points_m = grid.centres(self.cells)
         self.graph = self._graph()
+        self.spots = np.zeros(0, int)  # (K,) nodes from which is looked: `viewpoints`
         self.asked: np.ndarray | None = None  # (A,) nodes whose costs are kept
         self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs, and of each node the one before
 
@@ -230,8 +231,9 @@ class Ground:
         there[self._square(self.cells.T)] = True
         return float(self.seen_ahead(route_m, VIEW_M)[there].mean())
 
-    def seen_ahead(self, route_m: np.ndarray, sight_m: float) -> np.ndarray:
+    def seen_ahead(self, route_m: np.ndarray, sight_m: float | None = None) -> np.ndarray:
         """(squares,) bool: seen by a camera that looks ahead along the route and turns on the spot in its corners."""
+        sight_m = max(VIEW_M, self._sight_m()) if sight_m is None else sight_m
         legs = np.diff(route_m, axis=0)
         headings = [math.atan2(y, x) for x, y in legs.tolist()]
         seen = np.zeros(self._squares(), bool)
@@ -247,7 +249,7 @@ class Ground:
     def missed(self, route_m: np.ndarray) -> list[int]:
         """Nodes from which what the camera missed is seen, each MISSED squares or more; none when little was missed. One
         that lies in what was missed counts twice: on the way there the camera looks at it."""
-        return self._that_see(self.needed & ~self.seen_ahead(route_m, max(VIEW_M, self._sight_m())), MISSED, inside=2)
+        return self._that_see(self.needed & ~self.seen_ahead(route_m), MISSED, inside=2)
 
     def seen_by(self, nodes: np.ndarray) -> np.ndarray:
         """(squares,) bool: seen from a way through these nodes."""
@@ -262,7 +264,7 @@ class Ground:
 
         new = [stop for stop in dict.fromkeys(stops.tolist()) if stop not in self.ways]
         if self.asked is None:  # stops that come later are among the spots
-            self.asked = np.union1d(self.spots, stops)
+            self.asked = np.union1d(self.spots, stops) if len(self.spots) else np.arange(len(self.cells))
         for some in (new[at : at + AT_ONCE] for at in range(0, len(new), AT_ONCE)):
             costs, before = dijkstra(self.graph, indices=some, return_predecessors=True)
             self.ways |= {stop: (costs[row, self.asked], before[row].copy()) for row, stop in enumerate(some)}
