@@ -20,8 +20,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser, neighbours
-from .polyline import aside_m, past_start
-from .round_trip import round_trip
+from .round_trip import aside_m, past_start, round_trip
 
 SIGHT_M = 2.5  # the survey sees every free spot from so near at least; grows with the building, see `_sight_m`
 MARGIN_M = 0.1  # that a route keeps from what is not free, beyond the robot's radius
