@@ -1,4 +1,5 @@
-"""A short round trip: farthest insertion, 2-opt (Croes 1958) and Or-opt (Or 1976). No chance: equal costs, equal trips."""
+"""A short round trip: farthest insertion, 2-opt (Croes 1958) and Or-opt (Or 1976), and how it is driven past its start. No
+chance: equal costs, equal trips."""
 
 from __future__ import annotations
 
