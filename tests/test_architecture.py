@@ -55,7 +55,6 @@ SHALLOW = {
     "sweeps.server": "what the forking process imports, and no other",
     "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each",
     "testing.slams": "one kind of plugin each",
-    "worlds.round_trip": "the travelling salesman, apart",
     "patrol.ends": "where in a cell beams end: arithmetic of a grid, apart from what stands round the robot",
     "worlds.random.hall": "one family of buildings each",
 }

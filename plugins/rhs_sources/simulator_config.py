@@ -61,6 +61,8 @@ class Simulator(PartSettings):
     """most degrees between two views of the survey in a corner"""
     arc_radius_m: float = within(0.7, 0.05, 10)
     """metres, radius of arcs; shrunk where a leg of the route is too short for it"""
+    survey_m: float | None = within(None, 20.0, 10_000.0)
+    """metres, at most, of a survey that is proposed for a map, plan, mesh or scene; null: as the world says, else 60"""
     speed_mps: float = within(0.5, 0.01, 5)
     """metres per second of the survey; sets the time stamps and the commands"""
     turn_rate_dps: float = within(30.0, 1, 360, unit="degrees/s")

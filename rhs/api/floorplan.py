@@ -317,10 +317,9 @@ def distance_m(world: World, point_m: np.ndarray) -> tuple[float, str]:
     """Distance in metres from a point (2,) to the nearest wall or box, 0 inside a box, and the name of that thing."""
     best, name = np.inf, ""
     for wall in world.walls:
-        for a, b in wall.segments_m:
-            d = _to_segment(point_m, a, b)
-            if d < best:
-                best, name = d, f"wall '{wall.name}'"
+        d = _to_polyline(np.asarray(point_m), wall.points_m)
+        if d < best:
+            best, name = d, f"wall '{wall.name}'"
     for box in world.boxes:
         c, s = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
         x, y = np.asarray(point_m) - box.centre_m
@@ -337,6 +336,7 @@ def distance_m(world: World, point_m: np.ndarray) -> tuple[float, str]:
     return float(best), name
 
 
-def _to_segment(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    along = np.clip(((point - a) * (b - a)).sum() / max(float(((b - a) ** 2).sum()), 1e-12), 0.0, 1.0)
-    return float(np.hypot(*(point - a - along * (b - a))))
+def _to_polyline(point: np.ndarray, points_m: np.ndarray) -> float:
+    a, way = points_m[:-1], np.diff(points_m, axis=0)
+    along = np.clip(((point - a) * way).sum(axis=1) / np.maximum((way * way).sum(axis=1), 1e-12), 0.0, 1.0)
+    return float(np.hypot(*(point - a - along[:, None] * way).T).min())

@@ -58,7 +58,7 @@ def _read(path: Path) -> Trajectory:
         return _graph(path, rows)
     if in_tum_order(text, str(path)) is not text or not _is_number(first[0]):
         way = read_tum(path)  # a header, or a form with one order
-        return _counted(way) if COLMAP in text else way
+        return _counted(way) if COLMAP in text or first[0][:1] in ("{", "[") else way
     for stamped in (0, 1):  # EuRoC's has seventeen too, but no rotation there
         if len(first) - stamped in (MATRIX, WHOLE) and (not stamped or _is_rotation(first[1:])):
             return _matrices(path, rows, stamped)

@@ -164,9 +164,9 @@ def draw(run: RunContext, row: dict[str, Any]) -> None:
 
 
 def building_of(config: RunConfig) -> World:
-    """The building of a run, for the robot that its source's settings want."""
+    """The building of a run, for the robot, and with as long a survey, as its source's settings want."""
     source = config.parts["source"].settings
-    wanted = {key: getattr(source, key, None) for key in ("robot_radius_m", "camera_height_m", "footprint_m")}
+    wanted = {key: getattr(source, key, None) for key in ("robot_radius_m", "camera_height_m", "footprint_m", "survey_m")}
     return load_world(config.world, seed=config.seed, robot={key: metres for key, metres in wanted.items() if metres})
 
 

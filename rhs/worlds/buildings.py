@@ -28,7 +28,7 @@ from .others.rmf import level_in
 from .others.stage import plan_in
 from .robot import shape_of
 from .scene_files import SCENES
-from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, propose
+from .tour import MARGIN_M, MOST_CELLS, SPARE_M, Place, Tour, ground_of, propose
 from .world_checks import walk_fault
 from .world_yaml import FAR_M, Section
 
@@ -43,8 +43,9 @@ WRITING = 5  # so many small marks in a drawn plan are likely to be a word
 APART_M = 0.5  # places that are proposed
 LEAST_ROOM_M2 = 1.0  # where a robot's middle has room
 LEAST_ROUTE_M = 0.5  # less is no patrol: the robot has room where it stands and nowhere else
-MOST_M2 = 1000.0  # of floor that a route that is proposed is looked for on: several times what LONGEST_ROUTE_M passes
-LONGEST_ROUTE_M = 60.0  # of a route that is proposed: a survey of 60 m is 300 views and its turns
+MOST_M2 = 1000.0  # of floor that a route of LONGEST_ROUTE_M is looked for on: several times what it passes
+LONGEST_ROUTE_M = 60.0  # of a route that is proposed where nobody says: a survey of 60 m is 300 views and its turns
+SHORTEST_M, FARTHEST_M = 20.0, 10_000.0  # that somebody may say
 
 
 def read_building(path: Path, file: Section) -> Building:
@@ -146,6 +147,14 @@ def building_of(grid: OccupancyGrid, radius_m: float, start_m: np.ndarray | None
     return Building(walls, stand)
 
 
+def longest_route_m(file: Section) -> float:
+    """How long a route may be that is proposed: survey_m of the file, metres. Raises ConfigError where none is proposed."""
+    if "survey_m" in file.nodes and "route_m" in file.nodes:
+        raise ConfigError(f"{file.where('route_m')}: the survey is written already (route_m), survey_m is of one that is "
+                          "proposed; leave out one of them")
+    return file.number("survey_m", LONGEST_ROUTE_M, low=SHORTEST_M, high=FARTHEST_M)
+
+
 def settled(world: World, building: Building, file: Section) -> World:
     """The world with a start, places and a route: those that the file gives, the others proposed."""
     given = {key for key in ("start", "places", "route_m") if key in file.nodes}
@@ -157,16 +166,17 @@ def settled(world: World, building: Building, file: Section) -> World:
     inside = world if "start" in given else replace(world, start=(x, y, 0.0))
     start: tuple[float, ...] = world.start if "start" in given else (x, y)
     places: int | tuple[Place, ...] = world.places if "places" in given else 4
-    grid = truth_grid(inside)
+    floor = grid = truth_grid(inside)
     try:
         left = rooms_left_m2(grid, world.robot_radius_m, start)
         if left:  # half a cell decides whether a door is wide enough
             grid = truth_grid(inside, 0.5 * grid.resolution_m)
             left = rooms_left_m2(grid, world.robot_radius_m, start)
         if isinstance(places, int):
-            need_m = world.robot_radius_m + MARGIN_M + SPARE_M
+            need_m, floor = world.robot_radius_m + MARGIN_M + SPARE_M, grid
             grid, start = keep_near_walls(grid, start, need_m, given=not given.isdisjoint(("start", "route_m")))
-        tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name)
+        tour = short_tour(grid, world.robot_radius_m, start=start, places=places, name=world.name,
+                          longest_m=longest_route_m(file), floor=floor)
     except ConfigError as error:
         what = f"; {TRY}" if isinstance(places, int) else ""
         raise ConfigError(f"{world.path}: {error}{what}") from error
@@ -229,25 +239,42 @@ def on_route(places: tuple[Place, ...], route_m: np.ndarray) -> tuple[Place, ...
 
 
 def short_tour(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...], places: int | tuple[Place, ...],
-               name: str) -> Tour:
-    """A tour of what lies near its start, in a large building; says so. LONGEST_ROUTE_M bounds its length where no places
-    (name, x, y) are given that it must pass."""
-    part = _nearest_floor(grid, np.array(start[:2]), MOST_M2) if isinstance(places, int) else grid
+               name: str, longest_m: float = LONGEST_ROUTE_M, floor: OccupancyGrid | None = None) -> Tour:
+    """A tour of what lies near its start, in a large building; says so. longest_m bounds its length where no places
+    (name, x, y) are given that it must pass. floor: the whole of it, where grid leaves out the middle of halls."""
+    if not isinstance(places, int):
+        tour = propose(grid, radius_m, start=start, places=places)
+        if (found_m := length_m(tour.route_m)) > longest_m:
+            log.warning("%s: the route that is proposed passes all places and sees all floor: %.0f m, some %d views (for a "
+                        "shorter one give route_m)", name, found_m, _views(found_m))
+        return tour
+    part = _nearest_floor(grid, np.array(start[:2]), MOST_M2 * longest_m / LONGEST_ROUTE_M)
     tour = propose(part, radius_m, start=start, places=places)
     whole_m = length_m(tour.route_m)
-    if whole_m <= LONGEST_ROUTE_M and part is grid or not isinstance(places, int):
+    if whole_m <= longest_m and part is grid:
         return tour
     away_m = ways_m(part.free(), part.resolution_m, part.cells(np.array(tour.start[:2]))[0])
     reach_m, found_m = float(away_m[np.isfinite(away_m)].max()), whole_m
-    while found_m > LONGEST_ROUTE_M:
-        reach_m *= max(0.5, min(0.9, LONGEST_ROUTE_M / found_m))
+    while found_m > longest_m:
+        reach_m *= max(0.5, min(0.9, longest_m / found_m))
         near = np.where(away_m <= reach_m, grid.probability, np.nan).astype(np.float32)
         tour = propose(OccupancyGrid(near, grid.resolution_m, grid.origin_m), radius_m, start=tour.start, places=places)
         found_m = length_m(tour.route_m)
-    log.warning("%s: a route through all of it would be %.0f m long%s; proposed is one of %.0f m, within %.0f m of the "
-                "start (for another give start, places and route_m: worlds/README.md)", name, whole_m,
-                "" if part is grid else " or more", found_m, reach_m)
+    if part is not grid:  # as much longer as there is more floor
+        whole_m *= ground_of(grid, radius_m, tour.start).reached_m2 / ground_of(part, radius_m, tour.start).reached_m2
+    ground = ground_of(grid if floor is None else floor, radius_m, tour.start)
+    but = "" if floor is None or floor is grid else " but the middle of halls"
+    type_m = min(FARTHEST_M, 10.0 * math.ceil(0.1 * whole_m))
+    log.warning("%s: the route that is proposed, %.0f m within %.0f m of the start, sees %.0f %% of the %.0f m2 that the "
+                "robot can get to, and the places lie on it; for all of it%s type source.survey_m=%.0f (some %d views)",
+                name, found_m, reach_m, 100.0 * ground.share_seen(tour.route_m), ground.reached_m2, but, type_m,
+                _views(whole_m))
     return tour
+
+
+def _views(route_m: float) -> int:
+    """That a survey of so many metres takes, its turns included: about ten a metre."""
+    return 100 * math.ceil(0.1 * route_m)
 
 
 def _nearest_floor(grid: OccupancyGrid, start_m: np.ndarray, most_m2: float) -> OccupancyGrid:

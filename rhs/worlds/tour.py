@@ -20,12 +20,11 @@ from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import ConfigError
 
 from .clearance import clearance_of, coarser, neighbours
-from .round_trip import round_trip
+from .round_trip import aside_m, past_start, round_trip
 
 SIGHT_M = 2.5  # the survey sees every free spot from so near at least; grows with the building, see `_sight_m`
 MARGIN_M = 0.1  # that a route keeps from what is not free, beyond the robot's radius
 SPARE_M = 0.02  # more clearance than asked for: what lies between the middles of two cells may be this much nearer
-PAST_M = 1.0  # the tour goes on so far past its start, that the last views are like the first
 BEND_M = 0.3  # a bend flatter than this is pulled straight
 ROOMY_M = 0.5  # clearance beyond what is needed that a detour is worth
 MOST_CELLS = 250_000  # of the grid that is searched; finer grids are searched with larger cells
@@ -37,6 +36,7 @@ PLACE_M = 1.3  # a known place may be moved so far
 VIEW_RAD = np.radians(50.0)  # what a camera sees at once; a Kinect sees 57 degrees
 VIEW_M = 4.0  # and so far
 LOOKS = 4  # rounds in which the tour is led to what a camera that looks ahead has missed
+AT_ONCE = 32  # stops whose ways are looked for together: a row of costs is a megabyte in a large building
 MISSED = 8  # squares of 0.3 m that are worth a detour
 
 
@@ -63,6 +63,13 @@ def propose(grid: OccupancyGrid, radius_m: float, *, start: tuple[float, ...] | 
     robot does not fit."""
     coarse = coarser(grid, MOST_CELLS)
     return tour_on(coarse, clearance_of(coarse), radius_m + margin_m, start=start, places=places)
+
+
+def ground_of(grid: OccupancyGrid, radius_m: float, start: tuple[float, ...], margin_m: float = MARGIN_M) -> Ground:
+    """Where the middle of a robot of that radius may be, from a start (x, y, ...) metres. Raises ConfigError where it does
+    not fit."""
+    coarse = coarser(grid, MOST_CELLS)
+    return Ground(coarse, clearance_of(coarse), radius_m + margin_m, start)
 
 
 def tour_on(grid: OccupancyGrid, clearance_m: np.ndarray, need_m: float, *, start: tuple[float, ...] | None = None,
@@ -115,10 +122,13 @@ class Ground:
         cell = self._first(regions, start)
         self.reached = regions == regions[cell]
         self.cells = np.argwhere(self.reached)
+        self.reached_m2 = len(self.cells) * grid.resolution_m**2
         self.home = int(np.flatnonzero((self.cells == cell).all(axis=1))[0])
         self.points_m = grid.centres(self.cells)
         self.graph = self._graph()
-        self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs and the node before, at each node
+        self.spots = np.zeros(0, int)  # (K,) nodes from which is looked: `viewpoints`
+        self.asked: np.ndarray | None = None  # (A,) nodes whose costs are kept
+        self.ways: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # from a stop: costs, and of each node the one before
 
     def _first(self, regions: np.ndarray, start: tuple[float, ...] | None) -> tuple[int, int]:
         """The cell to begin in: that of the start or the nearest that is wide enough, or the roomiest of the largest
@@ -198,7 +208,7 @@ class Ground:
         step = self.grid.resolution_m
         along = np.arange(0.0, sight_m, step) / step
         offsets = (UNITS[:, rays, None] * along).round().astype(int)  # (2, rays, steps)
-        seen = np.zeros(int(self._square(np.array(self.grid.shape))) + 1, bool)
+        seen = np.zeros(self._squares(), bool)
         limit = np.array(self.grid.shape) - 1
         r, c = np.clip(cell[0] + offsets[0], 0, limit[0]), np.clip(cell[1] + offsets[1], 0, limit[1])
         open_ = np.logical_and.accumulate(self.open_[r, c], axis=1)
@@ -211,18 +221,28 @@ class Ground:
         number: np.ndarray = (cells[0] // size) * (self.grid.shape[1] // size + 1) + cells[1] // size
         return number
 
-    def seen_ahead(self, route_m: np.ndarray) -> np.ndarray:
+    def _squares(self) -> int:
+        return int(self._square(np.array(self.grid.shape))) + 1
+
+    def share_seen(self, route_m: np.ndarray) -> float:
+        """Share of the squares that the robot's middle can get to that a camera sees from VIEW_M or nearer along a route."""
+        there = np.zeros(self._squares(), bool)
+        there[self._square(self.cells.T)] = True
+        return float(self.seen_ahead(route_m, VIEW_M)[there].mean())
+
+    def seen_ahead(self, route_m: np.ndarray, sight_m: float | None = None) -> np.ndarray:
         """(squares,) bool: seen by a camera that looks ahead along the route and turns on the spot in its corners."""
+        sight_m = max(VIEW_M, self._sight_m()) if sight_m is None else sight_m
         legs = np.diff(route_m, axis=0)
         headings = [math.atan2(y, x) for x, y in legs.tolist()]
-        seen = np.zeros(self.needed.shape, bool)
+        seen = np.zeros(self._squares(), bool)
         for number, (a, leg, heading) in enumerate(zip(route_m[:-1], legs, headings, strict=True)):
             before = headings[number - 1] if number else heading
             swept = _rays_between(before, (heading - before + np.pi) % (2.0 * np.pi) - np.pi)
             ahead = _rays_between(heading, 0.0)
             for share in np.arange(0.0, 1.0, 0.4 / max(float(np.hypot(*leg)), 0.01)):
                 cell = self.grid.cells(a + share * leg)[0]
-                seen |= self._seen(cell, swept if share == 0.0 else ahead, max(VIEW_M, self._sight_m()))
+                seen |= self._seen(cell, swept if share == 0.0 else ahead, sight_m)
         return seen
 
     def missed(self, route_m: np.ndarray) -> list[int]:
@@ -242,10 +262,13 @@ class Ground:
         from scipy.sparse.csgraph import dijkstra
 
         new = [stop for stop in dict.fromkeys(stops.tolist()) if stop not in self.ways]
-        if new:
-            costs, before = dijkstra(self.graph, indices=new, return_predecessors=True)
-            self.ways |= {stop: (costs[row], before[row]) for row, stop in enumerate(new)}
-        return np.array([self.ways[stop][0][stops] for stop in stops.tolist()])
+        if self.asked is None:  # stops that come later are among the spots
+            self.asked = np.union1d(self.spots, stops) if len(self.spots) else np.arange(len(self.cells))
+        for some in (new[at : at + AT_ONCE] for at in range(0, len(new), AT_ONCE)):
+            costs, before = dijkstra(self.graph, indices=some, return_predecessors=True)
+            self.ways |= {stop: (costs[row, self.asked], before[row].copy()) for row, stop in enumerate(some)}
+        columns = np.searchsorted(self.asked, stops)
+        return np.array([self.ways[stop][0][columns] for stop in stops.tolist()])
 
     def way(self, a: int, b: int) -> list[int]:
         """Nodes from stop a to stop b, without a."""
@@ -280,7 +303,7 @@ class Ground:
             i, j = waiting.pop()
             if j - i < 2:
                 continue
-            aside = _aside(points[i : j + 1])
+            aside = aside_m(points[i : j + 1])
             if aside.max() <= BEND_M and self._fits(points[i], points[j], 1.03 * (spent[j] - spent[i]) + 0.02):
                 continue
             middle = i + int(np.argmax(aside)) if aside.max() > 1e-9 else (i + j) // 2
@@ -350,38 +373,24 @@ def _rays_between(heading: float, turn: float) -> np.ndarray:
 
 def thinned(ground: Ground, stops: np.ndarray, keep: set[int]) -> np.ndarray:
     """The stops without those that the way between the others sees enough for; the first one and `keep` stay."""
-    kept = [int(stop) for stop in stops]
-    legs = {(a, b): ground.way(a, b) for a in kept for b in kept if a != b}
+    kept, legs = [int(stop) for stop in stops], dict[tuple[int, int], np.ndarray]()
 
-    def seen(some: list[int]) -> int:
-        nodes = [some[0]] + [node for a, b in zip(some, [*some[1:], some[0]], strict=True) if a != b for node in legs[a, b]]
-        return int((ground.seen_by(np.array(nodes)) & ground.needed).sum())
+    def leg(a: int, b: int) -> np.ndarray:
+        if (a, b) not in legs:
+            legs[a, b] = ground.seen_by(np.array([a, *ground.way(a, b)])) & ground.needed
+        return legs[a, b]
 
-    enough = seen(kept)
-    for stop in reversed(kept[1:]):
-        fewer = [other for other in kept if other != stop]
-        if stop not in keep and seen(fewer) >= enough - 1:
-            kept = fewer
+    times = np.zeros(ground.needed.shape, int)  # that each square is seen
+    for a, b in zip(kept, [*kept[1:], kept[0]], strict=True):
+        times += leg(a, b)
+    enough = int((times > 0).sum())
+    for number in range(len(kept) - 1, 0, -1):
+        stop = kept[number]
+        if stop in keep:
+            continue
+        a, b = kept[number - 1], kept[(number + 1) % len(kept)]
+        fewer = times - leg(a, stop) - leg(stop, b) + leg(a, b)
+        if int((fewer > 0).sum()) >= enough - 1:
+            times = fewer
+            del kept[number]
     return np.array(kept)
-
-
-def past_start(route_m: np.ndarray) -> np.ndarray:
-    """The closed route, and once more along its beginning for PAST_M."""
-    left, points = PAST_M, list(route_m)
-    for a, b in zip(route_m[:-1], route_m[1:], strict=True):
-        length = float(np.hypot(*(b - a)))
-        if length >= left:
-            points.append((a + (b - a) * (left / length)).round(4))
-            break
-        points.append(b)
-        left -= length
-    out: np.ndarray = np.array(points)
-    return out
-
-
-def _aside(points: np.ndarray) -> np.ndarray:
-    """(N,) distance of points from the straight line between the first and the last."""
-    a, b = points[0], points[-1]
-    along = np.clip(((points - a) * (b - a)).sum(axis=1) / max(float(((b - a) ** 2).sum()), 1e-12), 0.0, 1.0)
-    aside: np.ndarray = np.hypot(*(points - a - along[:, None] * (b - a)).T)
-    return aside

@@ -28,7 +28,7 @@ from rhs.api.settings import near_file
 from rhs.base.data_dirs import data_dir
 from rhs.base.errors import ConfigError
 
-from .buildings import FOREIGN, RADIUS_M, peopled, read_building, settled
+from .buildings import FOREIGN, RADIUS_M, longest_route_m, peopled, read_building, settled
 from .map_walls import Building
 from .random.names import FAMILIES, PREFIX, is_random
 from .robot import inherit, put_robot, shape_of
@@ -48,10 +48,11 @@ FURNITURE = Surface("wood", (150.0, 110.0, 70.0), 20.0)
 
 def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, Any] | None = None) -> World:
     """A world by the name of a file in worlds/, or by path; or a drawn one, `random:FAMILY` (rhs.worlds.random.names), whose
-    number is `seed` where its name has none. robot: `robot_radius_m` or `footprint_m` (corners), and `camera_height_m`,
-    metres, in place of what the world says. Raises ConfigError: one line with file, line and advice."""
+    number is `seed` where its name has none. robot: `robot_radius_m` or `footprint_m` (corners), `camera_height_m`, and of
+    somebody else's building `survey_m`, metres, in place of what it says. Raises ConfigError: one line, with advice."""
     robot = robot or {}
     if is_random(name_or_path):
+        _none_proposed(str(name_or_path), robot)
         from .random.building import random_world
 
         return random_world(str(name_or_path), seed, robot)
@@ -64,6 +65,7 @@ def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, A
     put_robot(file, robot)
     if "building" in file.nodes:
         return _foreign(path, path.parent / Path(file.text("building")).expanduser(), file)
+    _none_proposed(path.stem, robot)
     base_name = file.text("like", "")
     if base_name:
         base = read_yaml(find_world(base_name, beside=path.parent))
@@ -75,8 +77,15 @@ def load_world(name_or_path: str | Path, *, seed: int = 0, robot: Mapping[str, A
     return world
 
 
+def _none_proposed(name: str, robot: Mapping[str, Any]) -> None:
+    if "survey_m" in robot:
+        raise ConfigError(f"source.survey_m={robot['survey_m']:g} is of a survey that is proposed, for a map, plan, mesh or "
+                          f"scene; {name} has its own: leave out source.survey_m")
+
+
 def _foreign(path: Path, building_path: Path, file: Section) -> World:
     """Somebody else's building; what the file does not say about start, places and route is proposed."""
+    longest_route_m(file)
     building = read_building(building_path, file)
     world = _world(path, file, building)
     check_extent(world, file)
