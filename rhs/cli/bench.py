@@ -48,6 +48,8 @@ def main(words: Sequence[str]) -> int:
     from rhs.card.forked import ForkResult, run_forked
     from rhs.reports.export import write_texts
 
+    from .suite import shown
+
     chosen = parse("bench", __doc__, words, positional=["set"], mine="", only=False, quick=False, ours="", entry="",
                    held_out="", data="", blame=False, jobs=JOBS, timeout=TIMEOUT)
     if chosen.set not in SETS:
@@ -68,7 +70,7 @@ def main(words: Sequence[str]) -> int:
         say(name)
         found[name] = run_forked(partial(bench.work, name, settings, questions), patience_s=bench.PATIENCE_S)
     say("")
-    command = " ".join(["python -m rhs bench", *words])
+    command = shown(words)
     page = bench.page(found, len(questions) * len(bench.SEEDS), command=command, made_at=commit() or "unknown")
     table = bench.csv_of([row for result in found.values() for row in result.items])
     write_texts(folder, {f"{SETS[0]}.md": page, f"{SETS[0]}.csv": table})

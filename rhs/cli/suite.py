@@ -41,7 +41,7 @@ def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
         limits = limits_of(chosen)
         rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
         for name, record in made.items():
-            record |= {"words": combinations[name], "command": _shown(words)}
+            record |= {"words": combinations[name], "command": shown(words)}
         whole = not (mine or chosen.quick or chosen.held_out)
         table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
         folders = [claim.folder, *([HOME] if whole and not chosen.output else [])]
@@ -95,10 +95,10 @@ def _part(suite: Suite, chosen: argparse.Namespace) -> tuple[Suite, str]:
     return suite, ""
 
 
-def _shown(words: Sequence[str]) -> str:
-    """The command as it is handed on: where somebody's recordings lie is nobody else's business."""
+def shown(words: Sequence[str]) -> str:
+    """The command as it is handed on: where somebody's recordings and runs lie is nobody else's business."""
     kept = ["--data=FOLDER" if word.startswith("--data=") else "FOLDER" if before == "--data" else word
-            for before, word in zip(["", *words], words, strict=False)]
+            for before, word in zip(["", *words], words, strict=False) if not word.startswith("output=")]
     return " ".join(["python -m rhs bench", *kept])
 
 

@@ -213,9 +213,9 @@ def test_recordings_are_not_blamed():
         main(["recordings-v1", "--mine", "odometry=orb", "--blame"])
 
 
-def test_a_command_that_is_handed_on_does_not_say_where_the_recordings_lie():
-    from rhs.cli.suite import _shown
+def test_a_command_that_is_handed_on_does_not_say_where_recordings_and_runs_lie():
+    from rhs.cli.suite import shown
 
     for words in (["recordings-v1", "--data", "/home/me/x", "--quick"], ["recordings-v1", "--data=/home/me/x", "--quick"]):
-        shown = _shown(words)
-        assert "/home" not in shown and "FOLDER --quick" in shown and shown.startswith("python -m rhs bench recordings-v1")
+        said = shown([*words, "output=/home/me/y"])
+        assert said.startswith("python -m rhs bench recordings-v1") and "/home" not in said and "FOLDER --quick" in said
