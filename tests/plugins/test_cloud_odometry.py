@@ -16,6 +16,7 @@ from rhs.api.records import FeatureSettings, Observation, Tracking
 from rhs_odometry.clouds.clouds import CloudMaker, observability
 from rhs_odometry.clouds.gicp_config import Gicp
 from rhs_odometry.clouds.kiss_icp_config import KissIcp
+from rhs_odometry.clouds.settings import CloudAdvanced
 
 ROOM_CAMERA = camera_from_fov(160, 120, 70.0, height_m=1.0)
 TEXTURES = paintings()
@@ -42,6 +43,18 @@ def test_the_motion_in_a_corner_of_a_room_is_found(plugin, move):
     assert np.all(np.abs(error) < 3.0 * np.sqrt(np.diag(motion.covariance)))
     metres, radians = (0.015, 0.01) if plugin is Gicp else (0.08, 0.05)
     assert np.abs(error[:3]).max() < metres and np.abs(error[3:]).max() < radians
+
+
+def test_a_turn_makes_an_alignment_less_sure_by_its_share():
+    """0.2 m a radian and a tenth of the turn that it believes in (1 sigma)."""
+    stated = []
+    for turned in ({"turned_m": 0.0, "turned_share": 0.0}, {"turned_m": 0.2, "turned_share": 0.1}):
+        odometry = build(KissIcp, ROOM_CAMERA, stride_px=2, advanced=CloudAdvanced(**turned))
+        straight, turn = in_room(odometry, CORNER, CORNER @ se2(0.1, 0.0, 0.0), CORNER @ se2(0.1, 0.0, 0.3))[1:]
+        stated.append((straight.covariance, turn.covariance, np.linalg.norm(log_se3(turn.previous_from_body)[3:])))
+    more, turn_rad = np.sqrt(np.diag(stated[1][1] - stated[0][1])), stated[1][2]
+    assert turn_rad > 0.05 and np.diag(stated[1][0] - stated[0][0]).max() < 0.002**2
+    np.testing.assert_allclose(more, turn_rad * np.array([0.2] * 3 + [0.1] * 3), rtol=1e-6)
 
 
 @BOTH

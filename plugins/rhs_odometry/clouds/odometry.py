@@ -69,7 +69,7 @@ class CloudOdometry(Odometry):
         pose, trouble = self._registration.align(cloud, guess)
         if trouble:
             return self._done(Motion(guess, wide, Tracking.LOST, f"{trouble}; took {name}"))
-        return self._done(self._checked(self._judge(cloud, pose, guess), cloud, before))
+        return self._done(self._turned(self._checked(self._judge(cloud, pose, guess), cloud, before)))
 
     def _guess(self, observation: Observation) -> tuple[str, np.ndarray, np.ndarray]:
         """The motion to start from: wheels or command where they are wanted, else the last motion again."""
@@ -105,6 +105,13 @@ class CloudOdometry(Odometry):
         reason = f"the view before fits better after {metres:.2f} m and {np.degrees(radians):.1f} degrees more"
         return replace(motion, covariance=covariance, status=Tracking.DEGENERATE, reason=motion.reason or reason,
                        observability=np.sqrt(np.diag(np.linalg.inv(covariance))))
+
+    def _turned(self, motion: Motion) -> Motion:
+        """The motion, less sure the further it turns: what comes into a narrow view has no partners yet, and pulls."""
+        turn_rad = float(np.linalg.norm(log_se3(motion.previous_from_body)[3:]))
+        spread = turn_rad * np.array([self._advanced.turned_m] * 3 + [self._advanced.turned_share] * 3)
+        covariance = motion.covariance + np.diag(spread**2)
+        return replace(motion, covariance=covariance, observability=np.sqrt(np.diag(np.linalg.inv(covariance))))
 
     def _done(self, motion: Motion) -> Motion:
         self._last = motion.previous_from_body

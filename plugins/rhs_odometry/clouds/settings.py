@@ -38,6 +38,10 @@ class CloudAdvanced(Bounded):
     squared distance in sigmas) ..."""
     gate_probability: float = within(0.999, 0.5, 1.0 - 1e-12)
     """... and its covariance does not explain the difference (chance that it does where the alignment is right)"""
+    turned_m: float = within(0.0, 0.0, 10.0)
+    """an alignment errs by so much more for each radian that the view turns, metres (1 sigma)"""
+    turned_share: float = within(0.0, 0.0, 1.0)
+    """and by this share of the turn (1 sigma)"""
     guess: GuessNoise = field(default_factory=GuessNoise)
 
 
