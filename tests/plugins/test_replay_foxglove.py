@@ -10,13 +10,14 @@ import cv2
 import numpy as np
 import pytest
 from bags import HEIGHT, WIDTH, BagFile, picture
+from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
 
 from rhs.api.errors import ConfigError
-from rhs_sources.bags.protobuf import Schema
+from rhs_sources.bags.protobuf import reader_of
 from rhs_sources.replay_config import Replay
 
 K = [50.0, 0.0, 31.5, 0.0, 50.0, 23.5, 0.0, 0.0, 1.0]
-DOUBLE, FIXED32, TEXT, MESSAGE, RAW, INT64, INT32, ENUM = 1, 7, 9, 11, 12, 3, 5, 14
+DOUBLE, FIXED32, TEXT, MESSAGE, RAW, INT64, INT32 = 1, 7, 9, 11, 12, 3, 5
 
 
 def views(path, **settings):
@@ -50,26 +51,35 @@ def fixed(number, value):
 
 
 def schema(name, *fields, package="foxglove"):
-    """A file of a FileDescriptorSet; fields: (name, number, type, many, message)."""
-    said = b"".join(wired(2, wired(1, one) + wired(3, number) + wired(4, 3 if many else 1) + wired(5, kind)
-                          + (wired(6, f".{of}") if of else b"")) for one, number, kind, many, of in fields)
-    return wired(1, wired(2, package) + wired(4, wired(1, name) + said))
+    """A file of one message; fields: (name, number, type, many, message)."""
+    file = FileDescriptorProto(name=f"{package}/{name}.proto", package=package, syntax="proto3")
+    message = file.message_type.add(name=name)
+    for one, number, kind, many, of in fields:
+        message.field.add(name=one, number=number, type=kind, label=3 if many else 1, type_name=f".{of}" if of else None)
+        if of:
+            file.dependency.append("/".join(of.rsplit(".", 1)) + ".proto")
+    return file
+
+
+def together(*files):
+    return FileDescriptorSet(file=files).SerializeToString()
 
 
 TIME = schema("Timestamp", ("seconds", 1, INT64, 0, ""), ("nanos", 2, INT32, 0, ""), package="google.protobuf")
 STAMPED = ("timestamp", 1, MESSAGE, 0, "google.protobuf.Timestamp")
-POSE = schema("Pose", ("position", 1, MESSAGE, 0, "foxglove.V"), ("orientation", 2, MESSAGE, 0, "foxglove.V")) + schema(
-    "V", *((axis, number, DOUBLE, 0, "") for number, axis in enumerate("xyzw", start=1)))
-IMAGE = TIME + schema("RawImage", STAMPED, ("width", 2, FIXED32, 0, ""), ("height", 3, FIXED32, 0, ""),
-                      ("encoding", 4, TEXT, 0, ""), ("step", 5, FIXED32, 0, ""), ("data", 6, RAW, 0, ""),
-                      ("frame_id", 7, TEXT, 0, ""))
-CAMERA = TIME + schema("CameraCalibration", STAMPED, ("width", 2, FIXED32, 0, ""), ("height", 3, FIXED32, 0, ""),
-                       ("D", 5, DOUBLE, 1, ""), ("K", 6, DOUBLE, 1, ""), ("frame_id", 9, TEXT, 0, ""))
-CLOUD = TIME + POSE + schema(
+POSE = (schema("Pose", ("position", 1, MESSAGE, 0, "foxglove.V"), ("orientation", 2, MESSAGE, 0, "foxglove.V")),
+        schema("V", *((axis, number, DOUBLE, 0, "") for number, axis in enumerate("xyzw", start=1))))
+IMAGE = together(schema("RawImage", STAMPED, ("width", 2, FIXED32, 0, ""), ("height", 3, FIXED32, 0, ""),
+                        ("encoding", 4, TEXT, 0, ""), ("step", 5, FIXED32, 0, ""), ("data", 6, RAW, 0, ""),
+                        ("frame_id", 7, TEXT, 0, "")), TIME)
+CAMERA = together(schema("CameraCalibration", STAMPED, ("width", 2, FIXED32, 0, ""), ("height", 3, FIXED32, 0, ""),
+                         ("D", 5, DOUBLE, 1, ""), ("K", 6, DOUBLE, 1, ""), ("frame_id", 9, TEXT, 0, "")), TIME)
+CLOUD = together(TIME, *POSE, schema(
     "PointCloud", STAMPED, ("frame_id", 2, TEXT, 0, ""), ("pose", 3, MESSAGE, 0, "foxglove.Pose"),
-    ("point_stride", 4, FIXED32, 0, ""), ("fields", 5, MESSAGE, 1, "foxglove.F"), ("data", 6, RAW, 0, "")) + schema(
-    "F", ("name", 1, TEXT, 0, ""), ("offset", 2, FIXED32, 0, ""), ("type", 3, ENUM, 0, ""))
-AT = TIME + POSE + schema("PoseInFrame", STAMPED, ("frame_id", 2, TEXT, 0, ""), ("pose", 3, MESSAGE, 0, "foxglove.Pose"))
+    ("point_stride", 4, FIXED32, 0, ""), ("fields", 5, MESSAGE, 1, "foxglove.F"), ("data", 6, RAW, 0, "")),
+    schema("F", ("name", 1, TEXT, 0, ""), ("offset", 2, FIXED32, 0, ""), ("type", 3, INT32, 0, "")))
+AT = together(TIME, *POSE, schema("PoseInFrame", STAMPED, ("frame_id", 2, TEXT, 0, ""),
+                                  ("pose", 3, MESSAGE, 0, "foxglove.Pose")))
 
 
 def stamp(k):
@@ -181,7 +191,7 @@ def test_messages_of_ros_1_in_mcap_are_read(tmp_path):
 def test_a_message_that_is_cut_and_a_schema_that_is_none_are_refused_in_one_line(tmp_path):
     whole = image(0, picture(), "rgb8")
     path = written(tmp_path / "a.mcap", {"/color": ("protobuf", "foxglove.RawImage", IMAGE, [whole[:-4000]])})
-    with pytest.raises(ConfigError, match=r"a\.mcap: .*ValueError: byte \d+ of \d+: no field of a message") as caught:
+    with pytest.raises(ConfigError, match=r"a\.mcap: .*ValueError: Error parsing message") as caught:
         views(path, camera=[50.0, 50.0, 31.5, 23.5])
     assert "\n" not in str(caught.value)
     path = written(tmp_path / "b.mcap", {"/color": ("protobuf", "foxglove.RawImage", b"\x0a\xff", [whole])})
@@ -190,9 +200,7 @@ def test_a_message_that_is_cut_and_a_schema_that_is_none_are_refused_in_one_line
 
 
 def test_numbers_below_zero_packed_ones_and_unknown_fields_of_protobuf():
-    known = Schema.of(schema("M", ("a", 1, INT32, 0, ""), ("b", 2, 17, 1, ""), ("c", 3, DOUBLE, 1, ""),
-                             ("d", 4, TEXT, 0, "")))
+    read = reader_of(together(schema("M", ("a", 1, INT32, 0, ""), ("b", 2, 17, 1, ""), ("c", 3, DOUBLE, 1, ""),
+                                     ("d", 4, TEXT, 0, ""), ("e", 5, MESSAGE, 0, "foxglove.N")), schema("N")), "foxglove.M")
     data = varint(8) + varint((1 << 64) - 5) + wired(2, varint(1) + varint(4)) + wired(3, 1.5) + wired(3, 2.5)
-    data += wired(9, "new")
-    read = known.read(data, "foxglove.M")
-    assert read["a"] == -5 and read["b"] == [-1, 2] and [float(v) for v in read["c"]] == [1.5, 2.5] and read["d"] == ""
+    assert read(data + wired(9, "new")) == {"a": -5, "b": [-1, 2], "c": [1.5, 2.5], "d": "", "e": None}

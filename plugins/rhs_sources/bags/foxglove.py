@@ -20,8 +20,6 @@ import numpy as np
 
 from rhs.api.errors import ConfigError
 
-from .protobuf import Schema
-
 TF = "/tf"
 ROS = {"RawImage": "sensor_msgs/msg/Image", "CompressedImage": "sensor_msgs/msg/CompressedImage",
        "CameraCalibration": "sensor_msgs/msg/CameraInfo", "LaserScan": "sensor_msgs/msg/LaserScan",
@@ -98,11 +96,9 @@ def _connection(channel, schema) -> Connection | None:
     if channel.message_encoding == "json":
         plain = json.loads
     else:
-        known = Schema.of(schema.data)
+        from .protobuf import reader_of
 
-        def plain(data: bytes) -> Plain:
-            return known.read(data, schema.name)
-
+        plain = reader_of(schema.data, schema.name)
     made = MADE.get(word, lambda one: SimpleNamespace(**one))
 
     def read(data: bytes) -> Any:
