@@ -275,8 +275,8 @@ class Surroundings:
 
     def _touched_at_rad(self, ahead: float, known_m: np.ndarray) -> float:
         """The bearing of what is known to stand next to that half of the robot; else the middle of it."""
-        things, way = np.concatenate([self.things(), known_m]), np.sign(ahead)
-        things = things[way * things[:, 0] >= NEXT_M * abs(way)]  # what lies beside it no more was not driven against
+        things = np.concatenate([self.things(), known_m])
+        things = things[things[:, 0] * ahead > -NEXT_M]
         bearings_rad = np.arctan2(things[:, 1], things[:, 0])
         gaps_m = np.hypot(*things.T) - self._reach_m(bearings_rad)
         if len(gaps_m) and gaps_m.min() < NEXT_M:

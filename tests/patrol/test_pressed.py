@@ -113,14 +113,3 @@ def test_the_same_touched_again_ends_the_way_to_the_place_with_its_reason() -> N
         sentinel.guard.bump()
         sentinel.contacts = touches
     assert "same thing again" in (sentinel._touched_often() or "")
-
-
-def test_what_lies_beside_the_robot_is_not_what_it_drove_against() -> None:
-    """A wall 5 cm to its left; it touches something on its way ahead."""
-    guard = Guard(0.3, Pace(), GuardSettings())
-    guard.given = Twist(0.5, 0.0, 0.5)
-    guard.observe(view(1), STILL)
-    for left_m, bearing_deg in (([[-0.03, 0.35]], 0.0), ([[0.2, 0.28]], 54.5)):
-        x_m, y_m = guard.bump(np.array(left_m)).mean(axis=0)
-        assert np.degrees(np.arctan2(y_m, x_m)) == pytest.approx(bearing_deg, abs=1.0)
-        guard.around.forget()
