@@ -306,10 +306,8 @@ class Sentinel(Barred):
         mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
         events.append(Event.LOST)
         no_way = self._no_way_on()
-        often = self.lost_in_all > self.settings.lost_views_total
-        if no_way or often or self.lost_steps > self.settings.lost_views:
+        if no_way or self.lost_steps > self.settings.lost_views or self.lost_in_all > self.settings.lost_views_total:
             self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {self.lost_steps - 1} views"
-                         f"{f', lost in {self.lost_in_all - 1} of the patrol' if often else ''}"
                          f"{f'; {no_way}' if no_way else ''}", events)
             if self.book.done:
                 return Decision(None, None, tuple(events), mission.mission)

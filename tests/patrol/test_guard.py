@@ -293,7 +293,6 @@ def test_a_lost_patrol_ends_within_its_bound_whatever_the_number_of_places():
     settings = MissionSettings(lost_views=30, lost_views_total=50)
     sentinel, out = patrol(Flatland(ring(), (1.0, 1.0, 0.0), CORNERS * 5), settings, NeverSure())
     assert len(out) < 50 + 2 * 15 and {m.status for m in sentinel.book.missions} == {"gave_up"}
-    assert sentinel.book.missions[1].reason == "lost: the robot did not find itself in 19 views, lost in 50 of the patrol"
     assert not any(step.collided for step in out)
 
 
