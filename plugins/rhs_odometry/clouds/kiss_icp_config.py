@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from rhs.api.contracts import Context, Odometry
 from rhs.api.errors import within
 
-from .settings import CloudAdvanced, CloudSettings
+from .settings import CloudSettings
 
 
 @dataclass
@@ -22,8 +22,6 @@ class KissIcp(CloudSettings):
     """First threshold of partners, metres."""
     min_motion_m: float = within(0.02, 0.0, 10.0)
     """The least motion that adapts the threshold of partners, metres."""
-
-    advanced: CloudAdvanced = field(default_factory=lambda: CloudAdvanced(turned_m=0.17, turned_share=0.14))
 
     def build(self, context: Context) -> Odometry:
         from .kiss_icp import build
