@@ -45,8 +45,9 @@ def flaser(words: list[str], where: str, fov_rad: float, max_m: float) -> Readin
                           " expected FLASER n ranges x y theta odom_x odom_y odom_theta stamp")
     values = [number_of(word, where) for word in words[2 : 2 + count + 7]]
     x, y, turn, odom_x, odom_y, odom_turn, stamp = values[count:]
-    return Reading(centred(count, fov_rad), np.array(values[:count]), max_m, (x, y, turn),
-                   _finite((odom_x, odom_y, odom_turn), where), stamp)
+    bearings = half_turn(count) if fov_rad == np.pi and count % 2 == 0 else centred(count, fov_rad)
+    return Reading(bearings, np.array(values[:count]), max_m, (x, y, turn), _finite((odom_x, odom_y, odom_turn), where),
+                   stamp)
 
 
 def robotlaser(words: list[str], where: str, max_m: float) -> Reading:
@@ -98,10 +99,15 @@ def stamped_pose(words: list[str], where: str) -> tuple[float, Pose]:
     return number_of(words[-TAIL], where), _finite((x, y, turn), where)
 
 
+def half_turn(beams: int) -> np.ndarray:
+    """(N,) radians of an even number of beams over half a turn: from -90 degrees on, the last, at 90, left out. So CARMEN's
+    own reader has it (carmen_laser_guess_fov of logger/readlog.c), and what a SICK sends."""
+    return from_start(beams, -np.pi / 2.0, np.pi / beams)
+
+
 @lru_cache(maxsize=64)
 def centred(beams: int, fov_rad: float) -> np.ndarray:
-    """(N,) radians from right to left, centred ahead. 180 beams of 180 degrees are one degree apart (half a degree off
-    either end), 181 reach both ends."""
+    """(N,) radians from right to left, centred ahead; an odd number of beams reaches both ends."""
     step = fov_rad / beams if beams % 2 == 0 else fov_rad / max(beams - 1, 1)
     return _fixed((np.arange(beams) - (beams - 1) / 2.0) * step)
 
