@@ -43,7 +43,7 @@ def test_the_resolution_in_a_logs_parameters_says_what_its_beams_cover(tmp_path,
 
 
 @pytest.mark.parametrize(("beams", "last_deg"), [(180, 89.0), (360, 89.5)])
-def test_an_even_number_of_beams_begins_at_the_right_and_leaves_out_the_last(tmp_path, beams, last_deg):
+def test_beams_of_a_sick_begin_at_the_right_and_leave_out_the_last(tmp_path, beams, last_deg):
     """As CARMEN's own reader guesses; laid evenly about ahead, every heading was half a beam off."""
     first, *_ = opened(tmp_path / "intel.log", [flaser(beams)])
     assert np.degrees(first.scan.bearings_rad[[0, beams // 2, -1]]) == pytest.approx([-90.0, 0.0, last_deg])
