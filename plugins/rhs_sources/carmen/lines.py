@@ -101,8 +101,8 @@ def stamped_pose(words: list[str], where: str) -> tuple[float, Pose]:
 
 
 def half_turn(beams: int) -> np.ndarray:
-    """(N,) radians of a SICK's beams over half a turn: from -90 degrees on, the last, at 90, left out. So CARMEN's own reader
-    has it (carmen_laser_guess_fov of its logger)."""
+    """(N,) radians of a SICK's beams over half a turn: from -90 degrees on, the last, at 90, left out. So CARMEN's own
+    reader has it (carmen_laser_guess_fov of its logger)."""
     return from_start(beams, -np.pi / 2.0, np.pi / beams)
 
 
