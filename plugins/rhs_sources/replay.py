@@ -201,7 +201,7 @@ USED_BY = {
     "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run", "bag"), "right_topic": ("bag",),
     "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
-                                            "clouds", "carmen"),
+                                            "clouds", "carmen", "bag"),
     "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "views_late_s": ("bag",),
 }
 

@@ -35,9 +35,9 @@ class Replay(PartSettings):
     max_depth_m: float = within(20.0, 0.1, 1e4)
     """Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m."""
     truth: str = ""
-    """File of true poses, of the camera (of a CARMEN log or clouds, of the scanner): stamp tx ty tz qx qy qz qw, or of
-    numbered files the 12 numbers of KITTI a view; empty: groundtruth.txt, *.freiburg or poses.txt in the folder, TRUEPOS in
-    a CARMEN log; corrected: the poses that somebody corrected in a CARMEN log."""
+    """File of true poses, of the camera (of a CARMEN log or clouds, of the scanner; of a bag, of the body): stamp tx ty tz
+    qx qy qz qw, or of numbered files the 12 numbers of KITTI a view; empty: groundtruth.txt, *.freiburg or poses.txt in the
+    folder, TRUEPOS in a CARMEN log; corrected: the poses that somebody corrected in a CARMEN log."""
     rate_hz: float = within(0.0, 0.0, 1e4)
     """Views a second of numbered images, clouds and videos and of 7-Scenes, whatever their names and the container say;
     0: what these say, else 30, of clouds 10, and no speed is judged by that."""
@@ -100,7 +100,8 @@ class Replay(PartSettings):
     """Half the side of the square to map round the start, metres; a recording does not say how large its world is. 0: 10 m,
     with a lidar 200 m, and as much more as is seen."""
     laser_fov_deg: float = within(180.0, 1.0, 360.0)
-    """Beams of a CARMEN laser cover this many degrees, centred ahead."""
+    """Beams of a CARMEN laser cover this many degrees, centred ahead; 180 or 360 over 180 begin at -90 and leave out
+    the last."""
     max_laser_m: float = within(30.0, 0.1, 1e3)
     """A laser reading of a CARMEN log at or beyond this means that nothing was hit, metres."""
 

@@ -22,6 +22,8 @@ FILES = {
     **dict.fromkeys((".g2o", ".graph", ".toro"), GRAPH),
     ".gfs": "GMapping's own log: give the CARMEN log that it was made of",
     ".csv": "a table: of scans write a CARMEN log, a line each: FLASER N ranges x y yaw x y yaw stamp host stamp",
+    "hokuyo": "NCLT's scans of a flat laser: write a CARMEN log, a line each: FLASER N ranges x y yaw x y yaw stamp host "
+              "stamp, and type source.laser_fov_deg=270 (hokuyo_4m: 240)",
     ".las": "a cloud of a map or a scan: write .pcd or .ply, one file a scan (CloudCompare -O {file} -C_EXPORT_FMT PLY "
             "-SAVE_CLOUDS)",
     ".npy": "arrays: of clouds type points.astype('float32').tofile('000000.bin'); of depth they are read beside rgb",
@@ -47,7 +49,7 @@ FILES |= dict.fromkeys((".laz", ".e57"), FILES[".las"]) | {".relations": FILES["
 FILES |= {".svo2": FILES[".svo"], ".oniz": FILES[".oni"], ".pcapng": FILES[".pcap"], ".hdf5": FILES[".h5"]}
 FILES[".lvx2"] = FILES[".lvx"]
 FILES[".parquet"], FILES[".npz"] = FILES[".feather"], FILES[".npy"]
-BESIDE = (".csv", ".npy", ".npz", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
+BESIDE = (".bin", ".csv", ".npy", ".npz", ".xyz", ".rel", ".relations")  # lie beside recordings of any form
 VIDEO = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "theora")
 MESSAGES = {
     "VelodyneScan": "packets of a lidar are not read: play the bag by velodyne_pointcloud and record the PointCloud2",
@@ -61,7 +63,8 @@ MESSAGES = {
 
 def of_file(path: Path) -> str:
     """What to do with such a file; empty where nobody knows."""
-    ending = ".lcm" if path.name.startswith("lcmlog-") else path.suffix.lower()
+    named = {"lcmlog-": ".lcm", "hokuyo_": "hokuyo"}
+    ending = next((kind for begin, kind in named.items() if path.name.startswith(begin)), path.suffix.lower())
     return FILES.get(ending, "").format(file=path.name)
 
 

@@ -149,9 +149,9 @@ def _axes(both: Pairing, steps: np.ndarray, rotation: np.ndarray) -> str:
         return ""
     turned = both.estimate.poses.copy()
     turned[:, :3, :3] = turned[:, :3, :3] @ rotation
-    told, without = (rmse(relative_errors(replace(both, estimate=replace(both.estimate, poses=poses)), steps)[0])
-                     for poses in (both.estimate.poses, turned))
-    if without > HALF * told:
+    told, without = ([rmse(errors) for errors in relative_errors(replace(both, estimate=replace(both.estimate, poses=poses)),
+                                                                 steps)] for poses in (both.estimate.poses, turned))
+    if all(better > HALF * worse for better, worse in zip(without, told, strict=True)):  # of ways, and of turns
         return ""
     return (f"the poses of the two are of axes turned by {angle:.0f} degrees to each other (a camera's beside a robot's?): "
             "rpe_* and end_error_* are mostly that; the ATE is of positions and stands")

@@ -187,6 +187,16 @@ def test_poses_that_are_read_another_way_than_they_were_meant_are_said(tmp_path)
     assert pair_fault(tmp_path / "unlike.tum", tmp_path / "truth.tum") == ""
 
 
+def test_axes_that_look_along_the_same_way_and_have_their_z_down_are_said(tmp_path):
+    """A car's inertial unit a metre beside its lidar: ways from view to view hardly tell, the turns do (KITTI-360)."""
+    time_s = 0.1 * np.arange(60)
+    way = Trajectory(time_s, np.array([se2(4 * np.sin(t / 4), 4 - 4 * np.cos(t / 4), t / 4) for t in time_s]))
+    write_tum(tmp_path / "way.tum", way)
+    unit = se3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 1.0, 0.0]))
+    write_tum(tmp_path / "truth.tum", Trajectory(time_s, way.poses @ unit))
+    assert "turned by 180 degrees" in pair_fault(tmp_path / "way.tum", tmp_path / "truth.tum")
+
+
 @pytest.mark.parametrize("text", [
     "__time,/odom/header/stamp,/odom/pose/pose/position/x,/odom/pose/pose/position/y,/odom/pose/pose/position/z,"
     "/odom/pose/pose/orientation/x,/odom/pose/pose/orientation/y,/odom/pose/pose/orientation/z,"

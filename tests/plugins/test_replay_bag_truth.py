@@ -60,6 +60,19 @@ def test_a_topic_that_holds_no_poses_is_refused_with_those_that_do(tmp_path):
         views(path, truth_topic="/vicon")
 
 
+def test_true_poses_lie_in_a_file_beside_the_bag(tmp_path):
+    """As Newer College's, seconds and nanoseconds apart."""
+    path, truth = write(tmp_path, pose("/mocap", lambda s: s)), tmp_path / "gt.csv"
+    rows = [f"{int(stamp)},{round(stamp % 1 * 1e9)},{0.5 * k},0,0,0,0,0,1\n" for k, stamp in enumerate(STAMPS)]
+    truth.write_text("#sec,nsec,x,y,z,qx,qy,qz,qw\n" + "".join(rows))
+    assert way(views(path, truth=str(truth))[1]) == [0.0, 0.5, 1.0, 1.5]
+    with pytest.raises(ConfigError, match=r"found source\.truth and source\.truth_topic; expected one of them"):
+        views(path, truth=str(truth), truth_topic="/mocap")
+    truth.write_text("1 2 3\n")
+    with pytest.raises(ConfigError, match=r"gt\.csv:1: found 3 columns"):
+        views(path, truth=str(truth))
+
+
 def test_a_bag_without_static_links_or_without_any_is_asked_for_its_tf(tmp_path):
     moving = write(tmp_path, lambda bag, k, stamp: bag.transform("/tf", stamp, "world", "camera", 0.5 * k))
     assert way(views(moving, truth_frame="world")[1]) == [0.0, 0.5, 1.0, 1.5]

@@ -68,3 +68,12 @@ def test_a_flat_lasers_cloud_is_refused_with_what_to_type(tmp_path):
     flat = cloud("rings") * [1.0, 1.0, 0.0]
     (tmp_path / "000000.bin").write_bytes(written(flat, "kitti"))
     assert "in one plane" in refused(tmp_path) and "sensor=laser" in refused(tmp_path)
+
+
+def test_a_folder_of_nclt_names_its_clouds_and_its_flat_laser_is_no_cloud(tmp_path):
+    (tmp_path / "velodyne_sync").mkdir()
+    for k in range(2):
+        (tmp_path / f"velodyne_sync/{1326030975726043 + 200000 * k}.bin").write_bytes(written(cloud("rings"), "nclt"))
+    (tmp_path / "hokuyo_30m.bin").write_bytes(bytes(100))
+    assert f"type source.path={tmp_path / 'velodyne_sync'}" in refused(tmp_path)
+    assert "NCLT's scans of a flat laser: write a CARMEN log" in refused(tmp_path / "hokuyo_30m.bin")

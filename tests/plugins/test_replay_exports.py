@@ -110,6 +110,35 @@ def test_poses_behind_the_number_of_a_view_are_those_of_its_name(tmp_path, tail)
     assert [None if pose is None else pose[0, 3] for _, pose in seen] == [None, 1.0, None, 3.0]
 
 
+@pytest.mark.parametrize("inside", ["", "data"])
+def test_clouds_of_kitti_360_have_the_times_beside_them_and_the_poses_of_their_numbers(tmp_path, inside):
+    """Read as seconds, the numbers of the poses met those of a few clouds: an ATE of metres, without a word."""
+    drive = tmp_path / "velodyne_points"
+    (drive / "data").mkdir(parents=True)
+    points = np.column_stack([np.linspace(-9, 9, 400), np.full(400, 4.0), np.linspace(-1, 1, 400), np.zeros(400)])
+    for k in range(4):
+        points.astype("<f4").tofile(drive / f"data/{k:010d}.bin")
+    times = [f"2013-05-28 08:46:0{2 + k}.500000000\n" for k in range(4)]
+    (drive / "timestamps.txt").write_text("".join(times))
+    (tmp_path / "poses.txt").write_text("".join(f"{k} {pose_words(k)}\n" for k in (1, 3)))
+    for rate_hz, apart_s in ((0.0, 1.0), (5.0, 0.2)):
+        seen = views(drive / inside, truth=str(tmp_path / "poses.txt"), rate_hz=rate_hz)
+        assert [None if pose is None else pose[0, 3] for _, pose in seen] == [None, 1.0, None, 3.0]
+        assert seen[1][0].stamp_s - seen[0][0].stamp_s == pytest.approx(apart_s)
+    (drive / "timestamps.txt").write_text("".join(times[:2]))
+    with pytest.raises(ConfigError, match=r"timestamps\.txt: 2 lines but the last view is number 3"):
+        views(drive / inside)
+
+
+def test_poses_behind_the_number_of_an_image_stand_beside_its_time(tmp_path):
+    for k in range(4):
+        image(tmp_path / f"drive/{k:010d}.png")
+    (tmp_path / "drive/timestamps.txt").write_text("".join(f"2013-05-28 08:46:02.{k}00000000\n" for k in range(4)))
+    (tmp_path / "poses.txt").write_text("".join(f"{k} {pose_words(k)}\n" for k in (1, 3)))
+    seen = views(tmp_path / "drive", camera=CAMERA, truth=str(tmp_path / "poses.txt"))
+    assert [None if pose is None else pose[0, 3] for _, pose in seen] == [None, 1.0, None, 3.0]
+
+
 def test_poses_behind_a_stamp_are_those_of_that_time(tmp_path):
     folder = tmp_path / "Ouster"
     folder.mkdir()

@@ -1,4 +1,5 @@
-"""True poses in a bag: a topic of poses, or the tf tree of a motion-capture system. Only where the user names them."""
+"""True poses of a bag: a topic of poses, the tf tree of a motion-capture system, or a file beside it (Newer College, M2DGR).
+Only where the user names them."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
 from ..replay_mounts import tf_topics
-from ..replay_stamps import Truth, ascending
+from ..replay_stamps import Truth, ascending, typed_truth
 from . import messages as ros
 
 
@@ -41,8 +42,13 @@ NO_TRUTH = BagTruth((), np.eye(4))
 
 def read_truth(reader, found: dict[str, str], settings, *, sees: tuple[str, str],
                body_from_frame: np.ndarray | None) -> BagTruth:
-    """The truth the user named by source.truth_topic (poses of the body) or source.truth_frame (tf down to the frame
-    of the images, clouds or scans, `sees` their topic and it, which sits at the body where nothing is said)."""
+    """The truth the user named by source.truth or source.truth_topic (poses of the body) or source.truth_frame (tf down to
+    the frame of the images, clouds or scans, `sees` their topic and it, which sits at the body where nothing is said)."""
+    named = [f"source.{name}" for name in ("truth", "truth_topic", "truth_frame") if getattr(settings, name)]
+    if len(named) > 1:
+        raise ConfigError(f"{settings.path}: found {' and '.join(named)}; expected one of them")
+    if (truth := typed_truth(settings)) is not None:
+        return BagTruth((truth,), np.eye(4))
     if settings.truth_topic:
         topic, known = settings.truth_topic, sorted(t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in POSES)
         if topic not in known:

@@ -19,6 +19,7 @@ from ..replay_mounts import mount_of
 from ..replay_stamps import cloud_extras, in_order
 from ..replay_tum import Recording
 from .bins import KITTI, NCLT, ROWS, layout_of
+from .kitti_raw import drive_stamps, times_beside
 from .pcd import SUFFIXES, read_cloud, viewpoint_of
 from .views import Listed, led, numbered, one_series, stamps_by_name, truth_of
 
@@ -43,10 +44,16 @@ def open_clouds(path: Path, settings) -> Recording:
         raise ConfigError(f"{path}: no numbered cloud; expected 000000.pcd, .bin or .ply")
     one_series(files)
     _check_frame([file for _, file in files])
-    stamps, timed = stamps_by_name([number for number, _ in files], settings.rate_hz, RATE_HZ)
+    numbers = [number for number, _ in files]
+    stamps, timed = stamps_by_name(numbers, settings.rate_hz, RATE_HZ)
     kept, rejected = in_order(stamps, settings.max_jump_s) if timed else (list(range(len(files))), Counter())
+    repaired: Counter = Counter()
+    if not timed and (beside := times_beside(files[0][1].parent, settings)) is not None:
+        stamps, repaired = drive_stamps(beside, [int(float(number)) for number in numbers], settings)
+        timed = True
+    timed = timed or bool(settings.rate_hz)
     found = next((path / name for name in ("groundtruth.txt", "poses.txt") if (path / name).is_file()), None)
-    true, counts = truth_of(found, settings)
+    true, counts = truth_of(found, settings, numbers, untimed=not timed)
     mount = mount_of(settings.scan_mount, "scan_mount")
     layout = _layout([file for _, file in files])
 
@@ -59,8 +66,8 @@ def open_clouds(path: Path, settings) -> Recording:
     first = read(0, None)["extras"]
     check_solid(first["cloud"], files[kept[0]][1].name)
     provides = frozenset(first)
-    return led(Listed(str(path), stamps[kept], read, NO_CAMERA, provides, pose, rejected + counts,
-                      timed=timed or bool(settings.rate_hz)), settings)
+    return led(Listed(str(path), stamps[kept], read, NO_CAMERA, provides, pose, rejected + counts, repaired,
+                      timed=timed), settings)
 
 
 def check_solid(points: np.ndarray, where: str) -> None:

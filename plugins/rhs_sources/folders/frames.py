@@ -37,7 +37,7 @@ from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
 from . import povray
 from .intrinsics import depth_scale_beside, intrinsics_beside
-from .kitti_raw import STAMP, drive_stamps
+from .kitti_raw import drive_stamps, times_beside
 from .poses import poses_beside
 from .views import Listed, led, moved, numbered, one_series, stamps_by_name, truth_of
 
@@ -122,17 +122,11 @@ def _paired(path: Path, colors, depths, settings) -> Recording:
 def _stamped(path: Path, numbers: list[str], settings) -> tuple[np.ndarray, list[int], Counter]:
     """Ascending stamps, the indices of the files they are of, and what was rejected."""
     stamps, timed = stamps_by_name(numbers, settings.rate_hz, RATE_HZ)
-    if not timed and (beside := _times_beside(path, settings)) is not None:
+    if not timed and (beside := times_beside(path, settings)) is not None:
         times, counts = drive_stamps(beside, [int(float(number)) for number in numbers], settings)
         return times, list(range(len(numbers))), counts
     kept, rejected = in_order(stamps, settings.max_jump_s) if timed else (list(range(len(numbers))), Counter())
     return stamps[kept], kept, rejected
-
-
-def _times_beside(path: Path, settings) -> Path | None:
-    """KITTI-360's timestamps.txt, in the folder or one up."""
-    file = next((place / "timestamps.txt" for place in (path, path.parent) if (place / "timestamps.txt").is_file()), None)
-    return None if settings.rate_hz or file is None or not STAMP.match(file.read_text("utf-8", "replace")) else file
 
 
 def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
@@ -201,7 +195,7 @@ def _true_poses(path: Path, colors, settings, ray_scale: float | None):
     """(true pose of a view by number and stamp, counts, whether the views have times). ray_scale: of depth along rays
     (POV-Ray), beside which the poses lie."""
     numbers = [number for number, _ in colors]
-    timed = bool(settings.rate_hz or _times_beside(path, settings)) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
+    timed = bool(settings.rate_hz or times_beside(path, settings)) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
     beside = poses_beside(path)
     if ray_scale is not None and beside is None and not settings.truth:
         return povray.truth_of([color for _, color in colors], ray_scale), Counter[str](), timed

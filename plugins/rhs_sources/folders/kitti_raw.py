@@ -128,6 +128,12 @@ def _true(folder: Path, camera_from_imu: np.ndarray) -> Poses:
     return out
 
 
+def times_beside(path: Path, settings) -> Path | None:
+    """The timestamps.txt of numbered images or clouds (KITTI-360), in their folder or one up; None where a rate is typed."""
+    file = next((place / "timestamps.txt" for place in (path, path.parent) if (place / "timestamps.txt").is_file()), None)
+    return None if settings.rate_hz or file is None or not STAMP.match(file.read_text("utf-8", "replace")) else file
+
+
 def drive_stamps(file: Path, numbers: list[int], settings) -> tuple[np.ndarray, Counter]:
     """Seconds of the views by their numbers, lines of timestamps.txt from 0; 10 a second, or source.rate_hz, without it."""
     if settings.rate_hz or not file.is_file():

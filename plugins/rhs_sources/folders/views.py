@@ -29,6 +29,7 @@ _IN_TWO = re.compile(r"^(?:.*\D)?(\d{10})[_-](\d{1,9})$")  # a Unix time in seco
 _DATED = re.compile(r"(?:^|.*\D)((?:19|20)\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?([0-3]\d)[-_. T]?([01]\d|2[0-3])[-_.:h]?"
                     r"([0-5]\d)[-_.:m]?([0-5]\d)(?:[-_.,s]?(\d{3}|\d{6}|\d{9})|\.(\d{1,9}))?Z?$")  # date, time of day
 _DIGITS = re.compile(r"[\d.]+")
+UNIX_S = 1e8  # of 1973; numbers of views are smaller
 SERIES = 0.25  # share of the files of a folder from which on names of another kind are another series
 Pose = Callable[[int], np.ndarray | None]
 At = Callable[[int, float], np.ndarray | None]
@@ -161,7 +162,7 @@ def truth_of(file: Path | None, settings, numbers: Sequence[str] = (), *, untime
         return (lambda line, stamp_s: poses.get(line)), Counter()
     first = poses_by_frame(file) if untimed else None
     first = first or poses_by_first(file)
-    if first is not None and untimed:
+    if first is not None and (untimed or _by_number(first, numbers)):
         return (lambda line, stamp_s: first.get(float(numbers[line]))), Counter()
     if first is not None:
         known = sorted(stamp for stamp, pose in first.items() if pose is not None)
@@ -174,6 +175,13 @@ def truth_of(file: Path | None, settings, numbers: Sequence[str] = (), *, untime
     if untimed and len(truth.stamps_s) == len(numbers):
         return (lambda line, stamp_s: truth.poses[line]), Counter()
     return (lambda line, stamp_s: truth.at(stamp_s)), Counter({f"truth_{k}": v for k, v in truth.rejected.items()})
+
+
+def _by_number(keys: Iterable[float], numbers: Sequence[str]) -> bool:
+    """Whether poses stand behind the numbers of the views, though these have times beside them (KITTI-360): whole ones, too
+    small for a Unix time."""
+    return bool(numbers) and not any("." in number for number in numbers) and all(
+        key == int(key) and key < UNIX_S for key in keys)
 
 
 def moved(pose: np.ndarray | None, then: np.ndarray) -> np.ndarray | None:
