@@ -39,8 +39,8 @@ class CloudAdvanced(Bounded):
     gate_probability: float = within(0.999, 0.5, 1.0 - 1e-12)
     """... and its covariance does not explain the difference (chance that it does where the alignment is right)"""
     turned_m: float = within(0.0, 0.0, 10.0)
-    """an alignment errs by so much more for each radian that the view turns, metres (1 sigma); what `kiss_icp` errs by is 0.1,
-    and a share of 0.08: it is then less often wrong and sure, and more often lost (results/history/odometry.md)"""
+    """an alignment errs by so much more for each radian that the view turns, metres (1 sigma); 0.1, and a share
+    of 0.08, is what `kiss_icp` errs by: it is then less often wrong and sure, and more often lost"""
     turned_share: float = within(0.0, 0.0, 1.0)
     """and by this share of the turn (1 sigma)"""
     guess: GuessNoise = field(default_factory=GuessNoise)
