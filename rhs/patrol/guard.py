@@ -83,6 +83,7 @@ class Guard:
         self._forgot_s = -np.inf  # when what was seen was given up for what is known
         self._hidden_m = NOTHING  # (K, 2) where the unseen rest of things may stand, in the body frame
         self._bumps: list[np.ndarray] = []  # (7, 2) marks of touches, in the frame of the surroundings
+        self.lost = False  # the robot does not know where it is
         self.pressed, self._away = 0, 0.0  # touches again of the same on the way to a place; side to which it turns from it
 
     @property
@@ -140,7 +141,7 @@ class Guard:
         robot that went back already and touched nothing goes back further; where something moves, over ground that it has
         just seen or come over. walls_m (K, 2): of the map, in the body frame."""
         touched, self.touched, self._still = self.touched, False, 0
-        if self._between:
+        if self.lost and self._between:
             return None  # nobody sees what is behind
         came = self.given
         if came is None or came.forward_mps == 0.0 or (came.forward_mps < 0.0 and not touched):
@@ -160,7 +161,7 @@ class Guard:
     def bump(self, known_m: np.ndarray = NOTHING) -> np.ndarray:
         """Mark what was touched; its (K, 2) points in the body frame, in which known_m (K, 2) is what else is known."""
         touched_m = self.around.bump(self.given.forward_mps if self.given else 1.0, known_m)
-        self.pressed += bool(near_any(touched_m, self.bumps_m, AGAIN_M).any())
+        self.pressed += bool(self.lost and near_any(touched_m, self.bumps_m, AGAIN_M).any())
         self._bumps.append(self.around.in_frame(touched_m))
         self._away = 0.0
         return touched_m
@@ -174,7 +175,9 @@ class Guard:
     @property
     def bumps_m(self) -> np.ndarray:
         """(K, 2) that and, until the robot knows where it is, all that was touched, in the body frame: whatever becomes of
-        votes."""
+        votes. None for a robot that knows: its map and its votes hold them."""
+        if not self.lost:
+            return NOTHING
         return self.around.in_body(np.concatenate([NOTHING, *self._bumps]))
 
     @property

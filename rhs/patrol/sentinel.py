@@ -120,6 +120,7 @@ class Sentinel(Barred):
         """Touched? Arrived? Lost? Blocked? Otherwise follow the path."""
         events = self.kidnapper.news() if self.kidnapper is not None else []
         self.views_spent += 1
+        self.guard.lost = not belief.status.on_map
         if self.guard.touched and (back := self._back_off(belief, events)) is not None:
             mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
             return Decision(back, None, tuple(events), mission.mission)

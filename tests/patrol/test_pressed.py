@@ -90,13 +90,14 @@ def test_a_lost_robot_says_that_it_did_not_come_away_from_what_it_touched() -> N
     assert all(reason.startswith("lost") and "beside what it touched" in reason for reason in reasons)
 
 
-def test_a_command_against_what_was_touched_becomes_a_turn_away_from_it_whatever_was_forgotten() -> None:
+def test_a_command_of_a_lost_robot_against_what_it_touched_becomes_a_turn_away_whatever_was_forgotten() -> None:
     guard = Guard(0.3, Pace(step_m=0.25, turn_step_rad=np.radians(12.0)), GuardSettings())
     guard.given = ahead = Twist(0.5, 0.0, 0.5)
     guard.observe(view(1), STILL)
-    assert guard.off_touched(ahead) is ahead
     guard.bump()
     guard.around.forget()
+    assert guard.off_touched(ahead) is ahead, "a robot that knows where it is has it in its map"
+    guard.lost = True
     assert guard.off_touched(ahead).forward_mps == 0.0 != guard.off_touched(ahead).turn_radps
     assert guard.off_touched(Twist(-0.5, 0.0, 0.5)).forward_mps == -0.5, "away from it"
     guard.around.map_m = np.zeros((0, 2))
@@ -108,6 +109,7 @@ def test_the_same_touched_again_ends_the_way_to_the_place_with_its_reason() -> N
     world = Cage()
     sentinel = Sentinel(parts(None), world.grid(), (), places=PLACES, radius_m=world.radius, settings=MissionSettings())
     sentinel.guard.observe(view(1), STILL)
+    sentinel.guard.lost = True
     for touches in (1, 2):
         assert sentinel._touched_often() is None
         sentinel.guard.bump()
