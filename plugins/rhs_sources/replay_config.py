@@ -100,8 +100,7 @@ class Replay(PartSettings):
     """Half the side of the square to map round the start, metres; a recording does not say how large its world is. 0: 10 m,
     with a lidar 200 m, and as much more as is seen."""
     laser_fov_deg: float = within(180.0, 1.0, 360.0)
-    """Beams of a CARMEN laser cover this many degrees, centred ahead; 180 or 360 over 180 begin at -90 and leave out
-    the last."""
+    """Beams of a CARMEN laser cover this many degrees, centred ahead."""
     max_laser_m: float = within(30.0, 0.1, 1e3)
     """A laser reading of a CARMEN log at or beyond this means that nothing was hit, metres."""
 

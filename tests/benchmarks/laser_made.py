@@ -94,7 +94,7 @@ def made(path: Path, drawn: tuple[str, int], ways_m: tuple[float, float]) -> tup
         at, stamps, wheels, corner = at[kept], stamps[kept], wheels[kept], corner[kept]
     laser = composed(at, np.tile([mount_m, 0.0, 0.0], (len(at), 1)))
     step = np.radians(fov_deg) / (beams - 1 if beams % 2 else beams)
-    bearings = (np.arange(beams) - (beams // 2 if fov_deg == 180.0 else 0.5 * (beams - 1))) * step
+    bearings = (np.arange(beams) - 0.5 * (beams - 1)) * step
     nodes = scattered(laser, people, rng)
     with path.open("w") as file:
         for k in range(len(at)):

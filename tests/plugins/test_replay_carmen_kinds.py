@@ -31,7 +31,7 @@ def robotlaser(beams, head, tail):
 @pytest.mark.parametrize(("beams", "step_deg", "half_deg", "said"), [
     (541, 0.5, 135.0, "to cover 270 degrees, as the log says 0.5 a beam"),
     (1081, 0.25, 135.0, "to cover 270 degrees, as the log says 0.25 a beam"),
-    (361, 0.5, 90.0, ""),
+    (361, 0.5, 90.0, ""), (180, 1.0, 89.5, ""),
     (181, 0.5, 90.0, "to cover 180 degrees, though the log says 0.5 a beam"),  # the setting of another laser, left in
     (1081, 0.5, 90.0, "to cover 180 degrees, though the log says 0.5 a beam"),  # would be a turn and a half
 ])
@@ -40,13 +40,6 @@ def test_the_resolution_in_a_logs_parameters_says_what_its_beams_cover(tmp_path,
         first, *_ = opened(tmp_path / "a.log", [f"PARAM laser_front_laser_resolution {step_deg} nohost 0", flaser(beams)])
     assert np.degrees(first.scan.bearings_rad[[0, -1]]) == pytest.approx([-half_deg, half_deg])
     assert said in caplog.text and bool(caplog.text) == bool(said)
-
-
-@pytest.mark.parametrize(("beams", "last_deg"), [(180, 89.0), (360, 89.5)])
-def test_beams_of_a_sick_begin_at_the_right_and_leave_out_the_last(tmp_path, beams, last_deg):
-    """As CARMEN's own reader guesses; laid evenly about ahead, every heading was half a beam off."""
-    first, *_ = opened(tmp_path / "intel.log", [flaser(beams)])
-    assert np.degrees(first.scan.bearings_rad[[0, beams // 2, -1]]) == pytest.approx([-90.0, 0.0, last_deg])
 
 
 @pytest.mark.parametrize("value", ["", "nohost 0", "nan nohost 0", "-1 nohost 0"])

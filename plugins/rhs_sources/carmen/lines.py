@@ -20,7 +20,6 @@ from ..replay_stamps import number_of
 MAX_BEAMS = 10_000
 HEAD = 8  # words of ROBOTLASER1 and RAWLASER1 before the number of ranges
 MOST_RAD = 2.0 * np.pi + 0.05  # between the first beam and the last: a turn, as it is rounded
-SICK_BEAMS = (180, 360)  # a degree or half of one apart
 AGREE = 0.02  # of a field of view, that rounding is
 AFTER_RANGES = (13, 14)  # words behind the ranges of a line without remissions: two poses, four or five more, the tail
 TAIL = 3  # stamp, host, when it was logged
@@ -46,9 +45,8 @@ def flaser(words: list[str], where: str, fov_rad: float, max_m: float) -> Readin
                           " expected FLASER n ranges x y theta odom_x odom_y odom_theta stamp")
     values = [number_of(word, where) for word in words[2 : 2 + count + 7]]
     x, y, turn, odom_x, odom_y, odom_turn, stamp = values[count:]
-    bearings = half_turn(count) if fov_rad == np.pi and count in SICK_BEAMS else centred(count, fov_rad)
-    return Reading(bearings, np.array(values[:count]), max_m, (x, y, turn), _finite((odom_x, odom_y, odom_turn), where),
-                   stamp)
+    return Reading(centred(count, fov_rad), np.array(values[:count]), max_m, (x, y, turn),
+                   _finite((odom_x, odom_y, odom_turn), where), stamp)
 
 
 def robotlaser(words: list[str], where: str, max_m: float) -> Reading:
@@ -100,15 +98,10 @@ def stamped_pose(words: list[str], where: str) -> tuple[float, Pose]:
     return number_of(words[-TAIL], where), _finite((x, y, turn), where)
 
 
-def half_turn(beams: int) -> np.ndarray:
-    """(N,) radians of a SICK's beams over half a turn: from -90 degrees on, the last, at 90, left out. So CARMEN's own
-    reader has it (carmen_laser_guess_fov of its logger)."""
-    return from_start(beams, -np.pi / 2.0, np.pi / beams)
-
-
 @lru_cache(maxsize=64)
 def centred(beams: int, fov_rad: float) -> np.ndarray:
-    """(N,) radians from right to left, centred ahead; an odd number of beams reaches both ends."""
+    """(N,) radians from right to left, centred ahead. 180 beams of 180 degrees are one degree apart (half a degree off
+    either end), 181 reach both ends."""
     step = fov_rad / beams if beams % 2 == 0 else fov_rad / max(beams - 1, 1)
     return _fixed((np.arange(beams) - (beams - 1) / 2.0) * step)
 
