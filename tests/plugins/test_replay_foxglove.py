@@ -11,22 +11,13 @@ import numpy as np
 import pytest
 from bags import HEIGHT, WIDTH, BagFile, picture
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
+from replayed import views
 
 from rhs.api.errors import ConfigError
 from rhs_sources.bags.protobuf import reader_of
-from rhs_sources.replay_config import Replay
 
 K = [50.0, 0.0, 31.5, 0.0, 50.0, 23.5, 0.0, 0.0, 1.0]
 DOUBLE, FIXED32, TEXT, MESSAGE, RAW, INT64, INT32 = 1, 7, 9, 11, 12, 3, 5
-
-
-def views(path, **settings):
-    source = Replay(path=str(path), **settings).build(None)
-    seen = []
-    while (capture := source.lead()) is not None:
-        seen.append((capture, source.truth()))
-    source.close()
-    return source, seen
 
 
 def varint(value):

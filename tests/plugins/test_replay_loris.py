@@ -5,11 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+import replayed
 from scipy.spatial.transform import Rotation
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import se2
-from rhs_sources.replay_config import Replay
 
 CAMERA = [50.0, 50.0, 31.5, 23.5]
 PLACE = np.vstack([np.column_stack([Rotation.from_quat([-0.497, 0.5, -0.495, 0.508]).as_matrix(), [0.23, -0.05, 0.92]]),
@@ -37,12 +37,7 @@ def loris(folder, child="d400_color_optical_frame", data=PLACE):
 
 
 def views(path, **settings):
-    source = Replay(path=str(path), camera=CAMERA, **settings).build(None)
-    seen = []
-    while (capture := source.lead()) is not None:
-        seen.append((capture, source.truth()))
-    source.close()
-    return source, seen
+    return replayed.views(path, camera=CAMERA, **settings)
 
 
 def test_the_body_is_the_base_with_the_camera_on_it_and_its_wheels_are_read(tmp_path):

@@ -8,20 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
+from replayed import views
 
 from rhs.api.errors import ConfigError
-from rhs_sources.replay_config import Replay
 
 K = [50.0, 50.0, 31.5, 23.5]
-
-
-def views(path, **settings):
-    source = Replay(path=str(path), **settings).build(None)
-    seen = []
-    while (capture := source.lead()) is not None:
-        seen.append((capture, source.truth()))
-    source.close()
-    return source, seen
 
 
 def two_cameras(folder, kind):
