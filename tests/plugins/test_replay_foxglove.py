@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from bags import HEIGHT, WIDTH, BagFile, picture
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
-from replayed import views
+from helpers.replayed import views
 
 from rhs.api.errors import ConfigError
 from rhs_sources.bags.protobuf import reader_of

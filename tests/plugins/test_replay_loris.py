@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-import replayed
+from helpers import replayed
 from scipy.spatial.transform import Rotation
 
 from rhs.api.errors import ConfigError

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from bags import HEIGHT, KINDS, WIDTH, BagFile, picture
-from replayed import views
+from helpers.replayed import views
 
 from rhs.api.errors import ConfigError
 
