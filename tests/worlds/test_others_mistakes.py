@@ -206,7 +206,7 @@ def test_a_hall_of_a_thousand_square_metres_and_more_near_its_walls_is_toured_ne
     path = plan(tmp_path, hall)
     path.with_suffix(".yaml").write_text("image: plan.png\nresolution: 0.8\n", "utf-8")
     world = load_world(path)
-    assert "m long or more" in caplog.text and np.hypot(*np.diff(world.route_m, axis=0).T).sum() <= 60.0
+    assert "type source.survey_m=" in caplog.text and np.hypot(*np.diff(world.route_m, axis=0).T).sum() <= 60.0
 
 
 def test_faces_that_count_back_from_the_last_vertex_are_where_they_stand(tmp_path):

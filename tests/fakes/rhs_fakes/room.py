@@ -26,7 +26,7 @@ class Room:
         self.facts = WorldFacts("room", (1.0, 1.0, 0.0), places, (0.0, 0.0, 6.0, 4.0), 0.2)
         self.views_expected, self.index, self.stamp_s = settings.views, 0, 0.0
         self.pose = se2(1.0, 1.0, 0.0)
-        if settings.ahead:
+        if getattr(settings, "ahead", False):
             self.leads_ahead = True
 
     def lead(self) -> Capture | None:
