@@ -192,7 +192,7 @@ class RunContext:
         self._built: list[Parts] = []
         self._eyes: list[Eyes | Ahead | Remembered] = []
         self._parts: dict[str, object] = {}  # kind -> part, as built last
-        self.began_s = time.perf_counter() - (0.0 if shared is None else shared.took_s)
+        self.began_s = time.perf_counter() - sum(led.took_s for led in (shared, drawn) if led is not None)
         self.looks_for_draws = False
         self._generators = global_states()
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -65,13 +66,14 @@ def views_key(config: RunConfig) -> str | None:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def draw_views(config: RunConfig, folder: Path) -> DrawnViews:
-    """The views of the survey that a run of `config` begins with. Raises what its source or sensor does, and RhsError where
-    their views cannot be shared."""
+def draw_views(config: RunConfig, folder: Path, building: World | None = None) -> DrawnViews:
+    """The views of the survey that a run of `config` begins with. building: where it was read already. Raises what its
+    source or sensor does, and RhsError where their views cannot be shared."""
     keep_freed_memory()
     before = _held()
     kinds = {kind: chosen for kind, chosen in config.parts.items() if kind in ("source", "sensor", DEGRADE)}
-    context = RunContext(replace(config, parts=kinds, live=""), folder, unwatched)
+    context = RunContext(replace(config, parts=kinds, live=""), folder, unwatched, building=building)
+    context.building = context.floor_plan()  # for the runs, too
     parts = context.parts(world=world_of(config.task.settings, context))
     if not looks_ahead("on", parts.source, parts.sensor):
         raise RhsError("its source or sensor wants to be asked view by view")
@@ -86,7 +88,7 @@ def draw_views(config: RunConfig, folder: Path) -> DrawnViews:
     if drawn := context.drawn():
         raise RhsError(f"its source or sensor draws from the global generator of {' and '.join(sorted(drawn))}")
     _check_forkable(before, folder)
-    return DrawnViews(parts, seen)
+    return DrawnViews(parts, seen, context.building, time.perf_counter() - context.began_s)
 
 
 def _bytes(observation: Observation) -> int:

@@ -13,6 +13,8 @@ from rhs.api.task import Parts
 from rhs.estimation.survey import Survey as Surveyed
 
 if TYPE_CHECKING:
+    from rhs.api.floorplan import World
+
     from .eyes import Looked
     from .observers import RunLog
     from .run import RunContext
@@ -60,10 +62,13 @@ class SharedSurvey:
 @dataclass(frozen=True)
 class DrawnViews:
     """The views of a survey whose way depends on no estimate, for runs that differ in what they make of them. parts: source
-    and sensor, which stand at its end. seen: each is let go where it is taken from."""
+    and sensor, which stand at its end. seen: each is let go where it is taken from. building: as it was read.
+    took_s: of the wall's clock."""
 
     parts: Parts
     seen: list[Looked | None]
+    building: World | None
+    took_s: float
 
 
 class Leading:

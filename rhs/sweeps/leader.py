@@ -36,9 +36,10 @@ def draw(task: Task, folder: str, lifeline: Connection, orders: Connection) -> N
     """Draw the views of the survey that `task` begins with, in `folder`, and serve; `orders` hears the number of the process
     that forked this one, and READY. Views that cannot be drawn end the process: each job then finds out alone."""
     config = _begun(task, folder, lifeline, orders)
-    if task.cache and survey_cache.holds(config):
+    building = survey_cache.building_read(config) if task.cache else None
+    if task.cache and survey_cache.holds(survey_cache.key_of(config, building)):
         raise RhsError("an earlier sweep led its survey")
-    drawn = draw_views(config, Path(folder))
+    drawn = draw_views(config, Path(folder), building)
     orders.send(READY)
     serve(drawn, lifeline, orders)
 
@@ -46,7 +47,9 @@ def draw(task: Task, folder: str, lifeline: Connection, orders: Connection) -> N
 def lead(task: Task, folder: str, lifeline: Connection, orders: Connection, drawn: DrawnViews | None = None) -> None:
     """Lead the survey that `task` begins with, in `folder`, and serve, as `draw` does. drawn: its views, where they were."""
     config, log = _begun(task, folder, lifeline, orders), Path(folder) / JOB_LOG
-    shared, keep, building = kept_survey(config, log, lambda: orders.send(KEPT)) if task.cache else (None, None, None)
+    shared, keep, building = None, None, None if drawn is None else drawn.building
+    if task.cache:
+        shared, keep, building = kept_survey(config, log, lambda: orders.send(KEPT), building)
     if shared is None:
         shared = lead_shared(config, Path(folder), building, drawn)
         shared = replace(shared, said=log_text(log))

@@ -76,14 +76,13 @@ def key_of(config: RunConfig, building: World | None) -> str | None:
     values = survey_values(config)
     if values is None or any(origin.file for origin in _origins(config, later=False)):
         return None
-    read = b"" if building is None else pickle.dumps(replace(building, path=Path()))
+    read = b"" if building is None or is_random(config.world) else pickle.dumps(replace(building, path=Path()))
     known = [values, versions(), _installed(), str(HERE), sorted(_stamps(values)), hashlib.sha256(read).hexdigest()]
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def holds(config: RunConfig) -> bool:
-    """Whether there is a file of the survey that a run begins with."""
-    key = key_of(config, building_read(config))
+def holds(key: str | None) -> bool:
+    """Whether there is a file of this name."""
     return key is not None and (cache_folder() / (key + ENDING)).exists()
 
 

@@ -79,9 +79,9 @@ def _run(task: Task, folder: Path, begun: SharedSurvey | DrawnViews | None, told
         config = replace(from_plain(task.values), presets=task.identity.get("presets", ""))
         drawn = begun if isinstance(begun, DrawnViews) else None
         shared = None if isinstance(begun, DrawnViews) else begun
-        keep, building = None, None
+        keep, building = None, None if drawn is None else drawn.building
         if shared is None and task.cache:
-            shared, keep, building = kept_survey(config, folder / JOB_LOG, told)
+            shared, keep, building = kept_survey(config, folder / JOB_LOG, told, building)
         if shared is not None:
             sys.stderr.write(shared.said)
         row = run_config(config, folder, shared=shared, keep=keep, building=building, drawn=drawn)
@@ -100,13 +100,13 @@ def _run(task: Task, folder: Path, begun: SharedSurvey | DrawnViews | None, told
         return error
 
 
-def kept_survey(config: RunConfig, log: Path, told: Callable[[], None],
+def kept_survey(config: RunConfig, log: Path, told: Callable[[], None], building: World | None = None,
                 ) -> tuple[SharedSurvey | None, Callable[[SharedSurvey], None] | None, World | None]:
     """The survey that an earlier sweep led, which is told, or what keeps the one to be led, with what is in the log by
-    then. And the building, where it was read."""
+    then. And the building, where it was read; building: where it was already."""
     from . import survey_cache
 
-    building = survey_cache.building_read(config)
+    building = building or survey_cache.building_read(config)
     key = survey_cache.key_of(config, building)
     if key is None:
         return None, None, building
