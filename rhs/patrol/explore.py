@@ -115,6 +115,7 @@ class Explorer(Sentinel):
         from rhs.estimation.scans.votes import low_only
 
         super().note(belief, scan)
+        self.explore = self.explore.seeing(np.asarray(scan.bearings_rad))
         self.mapper.update(belief.map_from_body, scan)
         if self.obstacle is not None:
             self.low.look(belief.map_from_body, self.obstacle, hits=low_only(self.obstacle, scan), within_m=np.inf)

@@ -10,7 +10,7 @@ is a position and a heading; the weight is a ratio.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from rhs.api.grid import OccupancyGrid, configuration_space
 from rhs.worlds.clearance import ways_m
 
 RAYS = 72  # every five degrees
+EDGES_DEG = 7.0  # of what is seen at once: not well
 STRIDE_M = 0.3  # between the places that are weighed
 AT_ONCE = 64  # places whose rays are cast together
 AGAIN_M = 1.0  # nearer to where it was looked at in vain a frontier is not looked at again
@@ -42,8 +43,8 @@ class ExploreSettings(Bounded):
     """less unknown ground than this is no reason to go anywhere, square metres: a robot of 0.3 m radius covers as much"""
     frontier_m: float = within(0.3, 0.0, 100.0)
     """a shorter frontier is a seam between views, metres"""
-    view_deg: float = within(50.0, 5.0, 360.0)
-    """what the camera sees at once, degrees; a Kinect sees 57"""
+    view_deg: float | None = within(None, 5.0, 360.0)
+    """what the robot sees well at once, degrees; unset: what its first scan spans, less 7 at its edges (a Kinect 57)"""
     here_m: float = within(1.0, 0.01, 100.0)
     """added to every way, metres: a place at hand is not worth infinitely much"""
     turn_m: float = within(0.3, 0.0, 100.0)
@@ -53,6 +54,14 @@ class ExploreSettings(Bounded):
     again what was looked at, not what was only mapped"""
     place_m: float = within(1.0, 0.0, 100.0)
     """that near, metres"""
+
+    def seeing(self, bearings_rad: np.ndarray) -> ExploreSettings:
+        """These settings, view_deg by the bearings (N,) of a scan where it is unset, in steps of the rays that are cast."""
+        if self.view_deg is not None or not len(bearings_rad):
+            return self
+        step_deg = 360.0 / RAYS
+        spans = (float(np.degrees(np.ptp(bearings_rad))) - EDGES_DEG) / step_deg
+        return replace(self, view_deg=step_deg * min(RAYS, max(1, round(spans))))
 
 
 @dataclass(frozen=True)
@@ -80,7 +89,8 @@ class Frontiers:
         from scipy.ndimage import binary_dilation, label
 
         self.grid, self.looks, self.settings = grid, looks, settings
-        free, self.unknown = grid.free(), np.isnan(grid.probability)
+        self.view_rad = np.radians(50.0 if settings.view_deg is None else settings.view_deg)  # before a scan
+        free, self.unknown = grid.free(), ~(grid.free() | grid.occupied())  # what one beam passed is not known yet
         growth = need_m / grid.resolution_m
         self.open_ = ~configuration_space(~free, growth)
         # if the unknown turns out free, and the walls are a cell further apart than they were drawn from afar
@@ -133,7 +143,7 @@ class Frontiers:
     def seen_m2(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """((K,) unknown ground in the best view from each of (K, 2) cells, square metres; (K,) heading of that view)."""
         rays = np.concatenate([self._rays(some)[0] for some in np.array_split(cells, len(cells) // AT_ONCE + 1)])
-        width = max(1, round(np.radians(self.settings.view_deg) / (2.0 * np.pi) * RAYS))
+        width = max(1, round(self.view_rad / (2.0 * np.pi) * RAYS))
         total = np.cumsum(np.concatenate([np.zeros((len(rays), 1)), rays, rays[:, :width]], axis=1), axis=1)
         window = total[:, width:width + RAYS] - total[:, :RAYS]
         first = np.argmax(window, axis=1)
@@ -144,7 +154,7 @@ class Frontiers:
         seen = np.zeros(self.grid.shape, bool)
         _, entries = self._rays(self.grid.cells(at_m[None]))
         angles = 2.0 * np.pi * np.arange(RAYS) / RAYS
-        inside = np.abs(wrap(angles - facing_rad)) <= 0.5 * np.radians(self.settings.view_deg) + 2.0 * np.pi / RAYS
+        inside = np.abs(wrap(angles - facing_rad)) <= 0.5 * self.view_rad + 2.0 * np.pi / RAYS
         for row, column in entries[0, inside]:
             if row >= 0:
                 seen[max(0, row - 2):row + 3, max(0, column - 2):column + 3] = True

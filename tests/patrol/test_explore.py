@@ -1,10 +1,12 @@
 """A robot that nobody leads: what it sees, where it stops and why, and that it never drives where nobody has looked."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flatland import Dijkstra, Flatland, Oracle, Through
+from scipy.ndimage import binary_dilation
 
 from rhs.api.errors import ConfigError
 from rhs.api.grid import OccupancyGrid
@@ -157,6 +159,22 @@ def test_ground_behind_an_opening_counts_and_a_crack_does_not(cells, goes):
     assert (view is not None) == goes
     if view is not None:
         assert abs(view.facing_rad) < 0.8 and 0.3 < view.gain_m2 < np.pi * 4.0**2 * 50 / 360
+
+
+def test_ground_that_a_beam_or_two_passed_is_not_known_yet():
+    """One beam through a cell tells a laser's grid less than it takes to call the cell free (0.31 of 0.25)."""
+    grid = room_with_a_gap(10)
+    passed = grid.probability.copy()
+    passed[binary_dilation(grid.free(), iterations=3) & np.isnan(passed)] = 0.31
+    frontiers = Frontiers(replace(grid, probability=passed), 0.35, (), ExploreSettings())
+    assert frontiers.best(np.array([2.5, 2.5, 0.0])) is not None
+
+
+@pytest.mark.parametrize(("span_deg", "typed", "sees_deg"), [(57.0, None, 50.0), (270.0, None, 265.0), (360.0, None, 355.0),
+                                                           (3.0, None, 5.0), (270.0, 50.0, 50.0)])
+def test_what_is_seen_at_once_is_what_the_scan_spans(span_deg, typed, sees_deg):
+    bearings = np.radians(np.linspace(-0.5 * span_deg, 0.5 * span_deg, 99))
+    assert ExploreSettings(view_deg=typed).seeing(bearings).view_deg == sees_deg
 
 
 def test_a_frontier_looked_at_in_vain_is_looked_at_from_elsewhere_and_three_times_at_most():
