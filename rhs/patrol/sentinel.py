@@ -22,7 +22,7 @@ from .control import Pace, closest_gap, steer, target_on, turn
 from .guard import OFF_WALL_M, Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
-from .mission import ELSEWHERE_M, Logbook, MissionSettings
+from .mission import ELSEWHERE_M, Logbook, Mission, MissionSettings
 from .obstacles import ObstacleWatch, in_body, in_map, spread
 from .planning import LONGER, RoomyPlanner, length_m
 from .relocate import Search, cut_to_room
@@ -122,7 +122,7 @@ class Sentinel(Barred):
         self.views_spent += 1
         self.guard.lost = not belief.status.on_map
         if self.guard.touched and (back := self._back_off(belief, events)) is not None:
-            mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
+            mission = self._mission(belief)
             return Decision(back, None, tuple(events), mission.mission)
         if not belief.status.on_map:
             return self._find_oneself(belief, scan, events)
@@ -142,6 +142,12 @@ class Sentinel(Barred):
     def _more(self, pose: np.ndarray) -> bool:
         """Whether there is somewhere to go."""
         return not self.book.done
+
+    def _mission(self, belief: Belief) -> Mission:
+        """The mission of a robot that cannot say where it begins: the current one, or the next."""
+        if self.book.current is None:
+            self._more(planar(belief.map_from_body))  # whoever finds its places as it goes chooses one
+        return self.book.current or self.book.open(np.array([-1.0, -1.0]))
 
     # --- one mission --------------------------------------------------------------------------------------------
 
@@ -304,7 +310,7 @@ class Sentinel(Barred):
         self.path = None
         self.lost_steps += 1
         self.lost_in_all += 1
-        mission = self.book.current or self.book.open(np.array([-1.0, -1.0]))
+        mission = self._mission(belief)
         events.append(Event.LOST)
         no_way = self._no_way_on()
         if no_way or self.lost_steps > self.settings.lost_views or self.lost_in_all > self.settings.lost_views_total:

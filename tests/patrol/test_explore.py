@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from rhs.api.errors import ConfigError
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Path, PlanReason
+from rhs.api.records import Event, Path, PlanReason, Twist
 from rhs.cli.main import main
 from rhs.metrics.explore import explored_share, floor_within_reach
 from rhs.patrol.explore import PLANAR, Explorer, measured_anew, summary
@@ -67,12 +67,12 @@ class Nowhere(Roads):
         return Path(PlanReason.DISCONNECTED, np.zeros((0, 2)), np.zeros((0, 2)))
 
 
-def explore(world, *, limit=1500, visit=(), planner=None, **settings):
+def explore(world, *, limit=1500, visit=(), planner=None, explorer=Explorer, **settings):
     """(explorer, steps) of a survey that ended by itself."""
     parts = SimpleNamespace(source=world, mapper=OccupancyMapper(Occupancy(), world.facts.bounds_m),
                             planner=planner or Roads(), localiser=None, replan=None, slam=None, who=None)
     mission = MissionSettings(turn="pivot", advanced=MissionAdvanced(explore=ExploreSettings(**settings)))
-    explorer = Explorer(parts, mission, visit=visit)
+    explorer = explorer(parts, mission, visit=visit)
     out = []
     for step in steps(world, Through(world.camera), Oracle(world), explorer):
         out.append(step)
@@ -110,6 +110,29 @@ def test_in_a_closed_room_nothing_is_left_after_a_look_round():
 def test_viewpoints_to_which_no_plan_leads_are_not_chosen_for_ever():
     explorer, out = explore(Flatland(house(), START, ()), planner=Nowhere())
     assert explorer.stop.startswith("no frontier") and len(out) < 200
+
+
+class Bumped(Explorer):
+    """Touches something once, where what it was driving to is seen already (the first time its look round is over)."""
+
+    seen_already = 0
+
+    def _seen_already(self):
+        seen = super()._seen_already()
+        self.seen_already += seen
+        self.guard.touched = seen and self.seen_already == 2
+        return seen
+
+    def _back_off(self, belief, events):
+        self.guard.touched = False
+        events.append(Event.CONTACT)
+        return Twist(-0.1, 0.0, 1.0)
+
+
+def test_a_touch_between_two_viewpoints_ends_nothing():
+    explorer, out = explore(Flatland(house(), START, ()), explorer=Bumped)
+    assert [Event.CONTACT in step.events for step in out].count(True) == 1
+    assert explorer.stop == "no frontier" and explorer.book.missions[-1].place == "home"
 
 
 def test_the_budget_of_views_sends_it_home():
