@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -50,6 +50,9 @@ class Barred:
     obstacle: Scan | None
     radius_m: float
     trails: Trails
+    _finish: Callable[[MissionStatus, str, list[Event]], None]
+    _plan: Callable[[np.ndarray, list[Event]], bool]
+    _drive_on: Callable[[np.ndarray], None]
 
     def _begin_place(self) -> None:
         self.path: Path | None = None
@@ -58,18 +61,6 @@ class Barred:
         self.looked_again, self.ventured, self.last_reason, self.bars = False, False, "", ""
         self.progress, self.aside, self.guard.refused_for_hidden, self.guard.pressed = Progress(), Aside(), 0, 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
-
-    def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
-        """End the mission."""
-        raise NotImplementedError
-
-    def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
-        """Plan the way to the current place; whether there is one."""
-        raise NotImplementedError
-
-    def _drive_on(self, free: np.ndarray) -> None:
-        """Plan over these cells."""
-        raise NotImplementedError
 
     def _back(self, pose: np.ndarray) -> Twist | None:
         """A little back the way the robot came, if the map and what it has seen leave room there."""

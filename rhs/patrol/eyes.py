@@ -54,16 +54,12 @@ class Looked:
 class Remembered:
     """Eyes that saw it all before. seen: the views of a survey; each is given once, and let go."""
 
-    def __init__(self, seen: list[Looked | None]) -> None:
-        self._seen, self._next = seen, 0
+    def __init__(self, seen: list[Looked]) -> None:
+        self._seen = seen
 
     def __call__(self, move: Callable[[], Capture | None]) -> Looked | None:
         """The next view of the survey. move: how the loop would take it; not asked."""
-        if self._next == len(self._seen):
-            return None
-        looked, self._seen[self._next] = self._seen[self._next], None
-        self._next += 1
-        return looked
+        return self._seen.pop(0) if self._seen else None
 
     def close(self) -> None:
         """Nothing is under way."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -88,6 +88,15 @@ def estimated(looked: Looked, odometry: Odometry, pilot: Pilot, *, index: int, w
     step = Step(index, pilot.phase, capture.stamp_s, observation, motion, belief, scan, true.truth, decision.path,
                 decision.mission, decision.events, capture.command, clock.timings_ms, true.clearance_m, true.collided)
     return step, decision.command
+
+
+def end_of(steps: Iterator[Step]) -> Any:
+    """What a generator of steps returns at its end; the steps go by."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
 
 
 def names(**parts: object) -> dict[str, str]:

@@ -222,6 +222,7 @@ class Sentinel(Barred):
         return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
+        """Plan the way to the current place; whether there is one."""
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
         monocular = self.guard.around.monocular  # which may not see again from near what it saw from afar
@@ -264,6 +265,7 @@ class Sentinel(Barred):
         return plan
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
+        """End the mission."""
         self.book.close(status, reason)
         events.append(Event(status))
         grid = self.watch.redrawn() if self.slam is None else check_grid(self.slam.grid(), who=self.who["localiser"])
