@@ -216,15 +216,15 @@ def leaning_m(corners: np.ndarray) -> float:
     if not lowest.any():
         return 0.0
     up = (across * np.sign(across[:, 2:]))[lowest]
-    slopes = [_middle(up[:, k] / up[:, 2], up[:, 2]) for k in (0, 1)]  # of most of it: a ramp is no floor that leans
+    slopes = [_at_share(up[:, k] / up[:, 2], up[:, 2], 0.5) for k in (0, 1)]  # of most of it: a ramp is no floor that leans
     return float(np.linalg.norm(slopes)) * wide_m
 
 
-def _middle(values: np.ndarray, weights: np.ndarray) -> float:
-    """The weighted median of (N,) values."""
+def _at_share(values: np.ndarray, weights: np.ndarray, share: float) -> float:
+    """The weighted quantile of (N,) values."""
     order = np.argsort(values)
     below = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
+    return float(values[order][np.searchsorted(below, share * below[-1])])
 
 
 def _spots(triangles: np.ndarray, shape: tuple[int, int], origin: tuple[float, float]) -> np.ndarray:
@@ -243,9 +243,7 @@ def camera_m(corners: np.ndarray) -> float:
     upright = (steep < UPRIGHT) & (corners[..., 2].max(axis=1) > STEP_M)
     if not upright.any():
         return CAMERA_M
-    tops, weights = corners[upright][..., 2].max(axis=1), area[upright]
-    order = np.argsort(tops)
-    reached = tops[order][np.searchsorted(np.cumsum(weights[order]), 0.9 * weights.sum())]
+    reached = _at_share(corners[upright][..., 2].max(axis=1), area[upright], 0.9)
     return float(np.clip(0.05 * np.floor(0.6 * reached / 0.05 + 1e-9), 0.15, CAMERA_M))
 
 
