@@ -56,12 +56,9 @@ class BlameJob:
             rest = ",".join(link for link in settings.links if link != "map")
             raise ConfigError(f"links: {self.parts.who['source']} drives in a world of its own, whose true map nobody "
                               f"knows; leave out map: links=[{rest}]")
-        self.orders = [] if len(settings.links) <= MOST_EXACT else self._orders()
-
-    def _orders(self) -> list[list[str]]:
-        rng = generator(self.context.seed, "blame")
-        return [[self.settings.links[k] for k in rng.permutation(len(self.settings.links))]
-                for _ in range(self.settings.orders)]
+        rng, count = generator(context.seed, "blame"), len(settings.links)
+        self.orders = [[settings.links[k] for k in rng.permutation(count)]
+                       for _ in range(settings.orders if count > MOST_EXACT else 0)]
 
     def run(self) -> Mapping[str, Value]:
         """The columns follow from blame.json and from the files of the patrol with nothing replaced."""

@@ -65,12 +65,6 @@ def ahead_on_path(points_m: np.ndarray, at_m: np.ndarray, length_m: float) -> np
     return points_at(points_m, stations)
 
 
-def closest_gap(path: Path, pose: np.ndarray) -> float:
-    """Distance in metres from the pose to the path."""
-    _, near = closest_on_path(path.points_m, pose[:2])
-    return float(np.linalg.norm(near - pose[:2]))
-
-
 def first_on_way(way: Path, things_m: np.ndarray, at_m: np.ndarray, near_m: float, *,
                  else_m: np.ndarray | None = None) -> np.ndarray:
     """(2,) of the things (K, 2) the first that lies within near_m of the way ahead of `at_m`; where there is no way, or none

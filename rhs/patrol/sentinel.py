@@ -18,7 +18,7 @@ from rhs.estimation.survey import known_free
 from .aside import PASSED_M, Trails
 from .barred import Barred
 from .changed_map import ChangedMap
-from .control import Pace, closest_gap, steer, target_on, turn
+from .control import Pace, closest_on_path, steer, target_on, turn
 from .guard import OFF_WALL_M, Guard
 from .kidnap import Kidnapper
 from .loop import Decision, names
@@ -181,7 +181,7 @@ class Sentinel(Barred):
             command = self._answer(blockage, pose, events)
             if command is not None or self.book.current is None:
                 return command
-        if self.path is not None and closest_gap(self.path, pose) > 0.6:
+        if self.path is not None and np.linalg.norm(closest_on_path(self.path.points_m, pose[:2])[1] - pose[:2]) > 0.6:
             self.path = None
             self.book.missions[-1].replans += 1
             events.append(Event.REPLAN)

@@ -53,9 +53,7 @@ def sound(columns: Mapping[str, object]) -> dict[str, object]:
         if isinstance(value, str) and len(value) > LONGEST_TEXT:
             value = f"{value[:LONGEST_TEXT]}... ({len(value)} characters)"
         try:
-            value = plain_value(str(name), value)
-            _encode(str(name), value)
-            good[str(name)] = value
+            good[str(name)] = plain_value(str(name), value)
         except Exception as error:
             bad.append(f"{str(name)[:80]}: {type(error).__name__}: {error}"[:200])
     return good | {"row_failures": "; ".join(bad)[:LONGEST_TEXT]} if bad else good

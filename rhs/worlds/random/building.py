@@ -141,8 +141,8 @@ def _laid_out(sketch: Sketch, angle: float, shift: np.ndarray) -> World:
         return moved
 
     def moved(box: Box) -> Box:
-        x, y = placed(np.array(box.centre_m))
-        return replace(box, centre_m=(float(x), float(y)), size_m=_rounded(box.size_m),
+        width, depth, height = (round(length, 4) for length in box.size_m)
+        return replace(box, centre_m=_pair(placed(np.array(box.centre_m))), size_m=(width, depth, height),
                        yaw_rad=round(box.yaw_rad + angle, 6), bottom_m=round(box.bottom_m, 4))
 
     walls: tuple[Wall, ...] = tuple(replace(wall, points_m=placed(wall.points_m)) for wall in sketch.walls)
@@ -155,10 +155,6 @@ def _laid_out(sketch: Sketch, angle: float, shift: np.ndarray) -> World:
     return World("", Path(), (*spot, 0.0), sketch.robot_radius_m, sketch.robot_height_m, walls,
                  tuple(moved(box) for box in sketch.boxes), (), (), np.array([spot]), look.paintings, look.floor,
                  look.ceiling, int(sketch.rng.integers(2**31)), camera_pitch_deg=PITCH_DEG)
-
-
-def _rounded(size: tuple[float, float, float]) -> tuple[float, float, float]:
-    return round(size[0], 4), round(size[1], 4), round(size[2], 4)
 
 
 def _pair(point: np.ndarray) -> tuple[float, float]:

@@ -71,7 +71,7 @@ def with_box(world: World, rng: np.random.Generator) -> World:
         yaw = float(rng.uniform(-1.57, 1.57))
         if not stands(world, middle, size, yaw):
             continue
-        other = _put(world, _box("obstacle", world, middle, (*size, float(rng.uniform(0.3, 1.6))), yaw, rng))
+        other = _put(world, "obstacle", middle, (*size, float(rng.uniform(0.3, 1.6))), yaw, rng)
         if reached(after(other), radius_m=radius + 0.05) == before:
             return other
     return world
@@ -91,7 +91,7 @@ def _barred(world: World, rng: np.random.Generator) -> World:
         centre = middle + 0.5 * (left - right) * way
         size = (left + right - 0.06, float(rng.uniform(0.1, 0.4)))
         if stands(world, centre, size, across):
-            return _put(world, _box("barrier", world, centre, (*size, float(rng.uniform(0.8, 1.8))), across, rng))
+            return _put(world, "barrier", centre, (*size, float(rng.uniform(0.8, 1.8))), across, rng)
     return world
 
 
@@ -140,15 +140,13 @@ def stands(world: World, middle: np.ndarray, size: tuple[float, float], yaw: flo
     return bool(0 <= row < grid.shape[0] and 0 <= column < grid.shape[1] and grid.probability[row, column] == 0.0)
 
 
-def _box(name: str, world: World, middle: np.ndarray, size: tuple[float, float, float], yaw: float,
-         rng: np.random.Generator) -> Box:
+def _put(world: World, name: str, middle: np.ndarray, size: tuple[float, float, float], yaw: float,
+         rng: np.random.Generator) -> World:
+    """The world with one box more."""
     x, y = middle.round(4)
     width, depth, height = (round(length, 4) for length in size)
-    return Box(f"{name} {len(world.obstacles) + 1}", (float(x), float(y)), (width, depth, height), round(yaw, 6), 0.0,
-               furniture_surface(rng))
-
-
-def _put(world: World, box: Box) -> World:
+    box = Box(f"{name} {len(world.obstacles) + 1}", (float(x), float(y)), (width, depth, height), round(yaw, 6), 0.0,
+              furniture_surface(rng))
     return replace(world, obstacles=(*world.obstacles, box))
 
 
