@@ -230,8 +230,7 @@ class Barred:
         at for a while may have gone; not what its guard refuses to pass again and again."""
         lately_s = self.settings.advanced.guard.fade_s if self.guard.moves and self.barred < MOST_BARRED else np.inf
         points = in_map(self.guard.around.things(lately_s), pose)
-        near: np.ndarray = points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
-        return near
+        return points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
 
     def _told(self, at_m: np.ndarray, pose: np.ndarray, *, known: bool = True, no_way: bool = False) -> Blockage:
         """What the replan part is told of something in the way there."""

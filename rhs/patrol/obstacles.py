@@ -34,15 +34,13 @@ def scan_points(map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
 def in_map(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """(K, 2) points of the body frame, in the map; pose (3,): x, y, yaw."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    moved: np.ndarray = points_m @ np.array([[c, s], [-s, c]]) + pose[:2]
-    return moved
+    return points_m @ np.array([[c, s], [-s, c]]) + pose[:2]
 
 
 def in_body(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """(..., 2) points of the map, in the body frame of the pose (3,)."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    moved: np.ndarray = (points_m - pose[:2]) @ np.array([[c, -s], [s, c]])
-    return moved
+    return (points_m - pose[:2]) @ np.array([[c, -s], [s, c]])
 
 
 def spread(points_m: np.ndarray, by_m: float) -> np.ndarray:
@@ -92,8 +90,7 @@ class ObstacleWatch:
     @property
     def _touched(self) -> np.ndarray:
         """(H, W) bool: where the robot ran into something."""
-        touched: np.ndarray = np.isneginf(self.since_s[1]) & (self.below.votes > 0.0)
-        return touched
+        return np.isneginf(self.since_s[1]) & (self.below.votes > 0.0)
 
     @property
     def touched_m(self) -> np.ndarray:
@@ -111,8 +108,7 @@ class ObstacleWatch:
         where = self.grid.centres(np.argwhere(cells))
         if not len(where):
             return where
-        near: np.ndarray = where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
-        return near
+        return where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
 
     def forget_gone(self, now_s: float, at_m: np.ndarray, blind_m: float, walked_m: np.ndarray = NOTHING) -> bool:
         """Forget what has been out of sight for longer than it was seen to stand: it may have gone. Whether there was any.
@@ -142,8 +138,7 @@ class ObstacleWatch:
         rows, columns = (np.arange(count) + 0.5 for count in self.grid.shape)
         y_m, x_m = (steps * self.grid.resolution_m for steps in (rows, columns))
         gaps_m = np.hypot(y_m[:, None] + self.grid.origin_m[1] - at_m[1], x_m[None] + self.grid.origin_m[0] - at_m[0])
-        close: np.ndarray = gaps_m < within_m
-        return close
+        return gaps_m < within_m
 
     def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *,
              now_s: float = 0.0, moves: bool = False) -> None:
@@ -191,8 +186,7 @@ class ObstacleWatch:
         known = np.isfinite(points_m).all(axis=1)
         points = np.where(known[:, None], points_m, 0.0)
         cells = np.clip(self.grid.cells(points), 0, np.array(self.grid.shape) - 1)
-        far: np.ndarray = known & self.grid.inside(points) & (self.gap_m[cells[:, 0], cells[:, 1]] > near_m)
-        return far
+        return known & self.grid.inside(points) & (self.gap_m[cells[:, 0], cells[:, 1]] > near_m)
 
     def walls_near(self, pose: np.ndarray, within_m: float = 1.0) -> np.ndarray:
         """(K, 2) the map's walls so near to the pose (3,), in its body frame."""
@@ -213,5 +207,4 @@ class ObstacleWatch:
     @property
     def cells(self) -> np.ndarray:
         """(H, W) bool: where something stands that the map does not know."""
-        cells: np.ndarray = (self.at_eye.votes >= self.least_votes) | (self.below.votes >= self.least_votes)
-        return cells
+        return (self.at_eye.votes >= self.least_votes) | (self.below.votes >= self.least_votes)

@@ -378,8 +378,7 @@ class Surroundings:
         rows, columns = self._cells(points_m).T
         beside = np.hypot(*(points_m - self.pose[:2, 3]).T) < self.radius_m + STEPS_M
         needed_s = np.where(beside, min(since_s, self.now_s - self.low_s), since_s)
-        unseen: np.ndarray = points_m[self.seen_s[rows, columns] < needed_s]
-        return unseen
+        return points_m[self.seen_s[rows, columns] < needed_s]
 
     def count_as_seen(self, points_m: np.ndarray) -> None:
         """These points (K, 2) of this frame were looked at and cannot be seen better; but what may be the rest of something

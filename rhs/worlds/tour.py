@@ -191,8 +191,7 @@ class Ground:
         order = np.lexsort((np.arange(len(square)), -room, square))
         _, first = np.unique(square[order], return_index=True)
         _, self.spot_of = np.unique(square, return_inverse=True)
-        spots: np.ndarray = order[first]
-        return spots
+        return order[first]
 
     def _sight_m(self) -> float:
         """Large buildings are looked at in larger pieces: some hundred viewpoints at most."""

@@ -121,8 +121,7 @@ def _beside_way(route_m: np.ndarray, rng: np.random.Generator, *, out_m: float) 
         heading = math.atan2(*(b - a)[::-1])
         middle = a + float(rng.uniform(0.5, 1.4)) * np.array([math.cos(heading), math.sin(heading)])
     aside = float(rng.uniform(-out_m, out_m))
-    point: np.ndarray = middle + aside * np.array([-math.sin(heading), math.cos(heading)])
-    return point
+    return middle + aside * np.array([-math.sin(heading), math.cos(heading)])
 
 
 def stands(world: World, middle: np.ndarray, size: tuple[float, float], yaw: float) -> bool:
