@@ -17,8 +17,7 @@ from rhs.api.contracts import Mapper, Odometry, Sensor, Slam, Source
 from rhs.api.records import Belief, Capture, Event, Motion, Observation, Path, Scan, Step, Twist
 from rhs.api.validate import check_belief, check_motion, reach_of
 
-from .ahead import Ahead
-from .eyes import Eyes, Looked, Remembered
+from .eyes import Ahead, Eyes, Looked, Remembered
 from .gate import GatedOdometry
 
 

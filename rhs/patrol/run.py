@@ -30,9 +30,8 @@ from rhs.recording.rerun_view import check_live
 from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
-from .ahead import Ahead, looks_ahead, wants_ahead
 from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
-from .eyes import Eyes, Remembered
+from .eyes import Ahead, Eyes, Remembered, looks_ahead, wants_ahead
 from .loop import Led, end_of, steps
 from .observers import RunLog, Watch, open_log, unwatched
 

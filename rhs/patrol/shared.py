@@ -25,8 +25,7 @@ from rhs.base.memory import keep_freed_memory
 from rhs.config.compose import OUTPUTS, RunConfig, to_plain
 from rhs.runfolder.steps_csv import PARTIAL
 
-from .ahead import looks_ahead, settled
-from .eyes import Eyes, Looked
+from .eyes import Eyes, Looked, looks_ahead, settled
 from .job import PatrolJob, lead_survey, world_of
 from .loop import end_of
 from .observers import unwatched
