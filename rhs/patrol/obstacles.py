@@ -13,6 +13,7 @@ from rhs.estimation.scans.settings import VoteSettings
 from .changed_map import ChangedMap
 from .surroundings import NOTHING, TRAIL_S
 
+CONFIRM_VIEWS, WITHIN_M = 2, 4.0  # views that a thing is seen in, and how near
 PASSED_CELLS = 1.5  # a thing that a way squeezes past may turn out so much thicker, cells
 BESIDE_CELLS = 1.5  # so near to what stays there nothing has gone, cells
 LEAST_KEPT_S = 4.0  # what was seen once only is kept so long
@@ -53,20 +54,20 @@ def spread(points_m: np.ndarray, by_m: float) -> np.ndarray:
 class ObstacleWatch:
     """Compares scans with the finished map and keeps what the map does not know until it is seen through or forgotten.
 
-    A cell counts as an obstacle when beams ended in it in at least `confirm` views, less those whose beams went through, the
+    A cell counts as an obstacle when beams ended in it in at least CONFIRM_VIEWS, less those whose beams went through, the
     map calls it free, and no wall of the map lies near. Near grows with the distance of the hit up to `tolerance_m`, as the
     belief's error of heading moves it: a box beside a wall is told from the wall when the robot comes near.
     """
 
-    def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, confirm: int = 2,
-                 within_m: float = 4.0, votes: VoteSettings | None = None, changed: ChangedMap | None = None) -> None:
+    def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, votes: VoteSettings | None = None,
+                 changed: ChangedMap | None = None) -> None:
         from scipy.ndimage import distance_transform_edt
 
         from rhs.estimation.scans.votes import Votes  # compiled code, half a second to load
 
-        self.grid, self.within_m, self.tolerance_m, self.changed = grid, within_m, tolerance_m, changed
+        self.grid, self.tolerance_m, self.changed = grid, tolerance_m, changed
         settings = votes or VoteSettings()
-        self.least_votes = confirm - settings.clear
+        self.least_votes = CONFIRM_VIEWS - settings.clear
         self._passed: np.ndarray | None = None  # (H, W) bool: what the way now driven squeezes past
         walls = grid.occupied()
         self._walls_m = grid.centres(np.argwhere(walls))
@@ -153,7 +154,7 @@ class ObstacleWatch:
             hits = low_only(obstacle, scan) & self._unknown(map_from_body, obstacle)
             self._count(1, map_from_body, obstacle, hits=hits, now_s=now_s)
         if self.changed is not None:
-            self.changed.look(map_from_body, scan, obstacle, self.within_m)
+            self.changed.look(map_from_body, scan, obstacle, WITHIN_M)
 
     def redrawn(self) -> OccupancyGrid | None:
         """The map with what has gone and what came to stay, where it may change and did."""
@@ -170,7 +171,7 @@ class ObstacleWatch:
         """Count a scan in the layer of that number."""
         layer = (self.at_eye, self.below)[number]
         before = layer.votes.copy() if layer.walks.any() else layer.votes
-        rows, columns = layer.look(map_from_body, scan, hits=hits, within_m=self.within_m).T
+        rows, columns = layer.look(map_from_body, scan, hits=hits, within_m=WITHIN_M).T
         since_s, votes = self.since_s[number, rows, columns], layer.votes[rows, columns]
         stands = (votes > 0.0) & ~(layer.walks[rows, columns] & (votes < before[rows, columns]))  # nobody: others come there
         self.since_s[number, rows, columns] = np.where(stands, np.minimum(since_s, now_s), np.inf)
