@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from rhs.api.contracts import Source
 from rhs.api.geometry import inverse, planar
-from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist, View
-from rhs.api.robot_shape import Footprint
-from rhs.api.task import Parts
+from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist
 from rhs.api.validate import check_belief, check_capture, check_grid
-from rhs.estimation.survey import known_free
 
-from .aside import PASSED_M, Trails
+from .aside import PASSED_M
 from .barred import Barred
-from .changed_map import ChangedMap
 from .control import Pace, closest_on_path, steer, target_on, turn
-from .guard import OFF_WALL_M, Guard
-from .kidnap import Kidnapper
-from .loop import Decision, names
-from .mission import ELSEWHERE_M, Logbook, MissionSettings
-from .obstacles import ObstacleWatch, in_body, in_map, spread
-from .planning import LONGER, RoomyPlanner, length_m
-from .relocate import Search, cut_to_room
+from .guard import OFF_WALL_M
+from .loop import Decision
+from .mission import ELSEWHERE_M
+from .obstacles import in_body, in_map, spread
+from .planning import LONGER, length_m
+from .relocate import cut_to_room
 from .surroundings import HIDES_M, NEAR_M, NOTHING, SURE
 
 DEPTHS_M = (HIDES_M, 0.7 * HIDES_M)  # a box of which one camera saw one face is as deep as that, tried in this order
@@ -36,41 +30,6 @@ class Sentinel(Barred):
     """Pilot of the patrol. One call of `decide` per view; the book of missions is in `book`."""
 
     phase, believer = "patrol", "localiser"
-
-    def __init__(self, parts: Parts, grid: OccupancyGrid, views: Sequence[View], *,
-                 places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings,
-                 footprint: Footprint | None = None) -> None:
-        self.localiser, self.planner, self.replan, self.settings = parts.localiser, parts.planner, parts.replan, settings
-        self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan,
-                                       localiser=parts.localiser)
-        self.radius_m, self.views, self.slam = radius_m, tuple(views), parts.slam  # which draws a new map all the time
-        updates = settings.update_map and self.phase == "patrol" and self.slam is None
-        self.changed = ChangedMap(grid, settings.advanced.guard.votes) if updates else None
-        self._take_map(grid)
-        self.book = Logbook(places)
-        self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
-                         arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
-        self.guard = Guard(radius_m, self.pace, settings.advanced.guard, footprint)
-        self.obstacle: Scan | None = None  # of the last view
-        self.lost_in_all, self.trails = 0, Trails()
-        self.expected = np.full((4, 4), np.nan)  # map_from_body by the last sure belief, if any, and the motions since
-        self.plans: list[tuple[int, Path]] = []
-        self.kidnapper: Kidnapper | None = None
-        self.search = Search(radius_m, self.pace)
-        self._begin_place()
-
-    def _take_map(self, grid: OccupancyGrid) -> None:
-        """Plan and watch on this map from now on."""
-        self.grid, self.free = grid, known_free(grid, self.views, self.radius_m, self.settings.margin_m)
-        self.watch = ObstacleWatch(grid, self.free, tolerance_m=self.settings.wall_tolerance_m,
-                                   votes=self.settings.advanced.guard.votes, changed=self.changed)
-        self._drive_on(self.free)
-
-    def _drive_on(self, free: np.ndarray) -> None:
-        """Plan over these cells (H, W), and watch for things on them."""
-        self.roads = RoomyPlanner(self.planner, self.grid, free, radius_m=self.radius_m, settings=self.settings,
-                                  who=self.who["planner"])
-        self.watch.watch_on(free)
 
     def _begin_place(self) -> None:
         super()._begin_place()
