@@ -208,12 +208,13 @@ class Surroundings:
         off = self.pose[:2, 3] - (self.at_eye.origin_m + 0.5 * SIDE_M)
         if np.abs(off).max() < KEPT_M:
             return
-        from scipy.ndimage import shift
-
-        by = np.rint(off / CELL_M).astype(int)  # x, y
+        by, size = np.rint(off / CELL_M).astype(int), len(self.seen_s)
+        columns, rows = np.clip(by, -size, size)
+        wide = max(abs(rows), abs(columns))
+        kept = slice(wide + rows, wide + rows + size), slice(wide + columns, wide + columns + size)
         for empty, arrays in ((0.0, (self.at_eye.votes, self.below.votes, *self.ends.arrays)), *self._times.items()):
             for array in arrays:
-                array[:] = shift(array, -by[::-1], order=0, cval=empty, prefilter=False)
+                array[:] = np.pad(array, wide, constant_values=empty)[kept]
         for layer in (self.at_eye, self.below):
             layer.origin_m = layer.origin_m + by * CELL_M
 
