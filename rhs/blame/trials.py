@@ -239,7 +239,6 @@ def _write(chain: Chain, links: frozenset[str], columns: Mapping[str, Any]) -> N
 
 def _read(chain: Chain, links: frozenset[str]) -> dict[str, Any]:
     try:
-        columns: dict[str, Any] = json.loads(_answer(chain, links).read_text("utf-8"))
+        return json.loads(_answer(chain, links).read_text("utf-8"))
     except (OSError, ValueError):
         return dict(KILLED)
-    return columns

@@ -53,9 +53,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
     that this run begins with, led already. keep: is given the survey that this run leads.
     building: where it was read already. drawn: the views of the survey, where they were.
     """
-    row: dict[str, Any] = end_of(run_steps(config, folder, watch, shared=shared, keep=keep, building=building, drawn=drawn,
-                                           alone=True))
-    return row
+    return end_of(run_steps(config, folder, watch, shared=shared, keep=keep, building=building, drawn=drawn, alone=True))
 
 
 def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,

@@ -160,8 +160,7 @@ def with_drawn_moves(world: World, rng: np.random.Generator) -> World:
     the robot waits or on a place, and none cuts a place off."""
     things = movable(world)
     for index in rng.permutation(len(things))[: int(rng.integers(1, 4))]:
-        box = things[int(index)]
-        world = rearranged(world, box, rng)
+        world = rearranged(world, things[int(index)], rng)
     return world
 
 
