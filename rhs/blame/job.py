@@ -5,9 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,12 +56,9 @@ class BlameJob:
             rest = ",".join(link for link in settings.links if link != "map")
             raise ConfigError(f"links: {self.parts.who['source']} drives in a world of its own, whose true map nobody "
                               f"knows; leave out map: links=[{rest}]")
-        self.orders = [] if len(settings.links) <= MOST_EXACT else self._orders()
-
-    def _orders(self) -> list[list[str]]:
-        rng = generator(self.context.seed, "blame")
-        return [[self.settings.links[k] for k in rng.permutation(len(self.settings.links))]
-                for _ in range(self.settings.orders)]
+        rng, count = generator(context.seed, "blame"), len(settings.links)
+        self.orders = [[settings.links[k] for k in rng.permutation(count)]
+                       for _ in range(settings.orders if count > MOST_EXACT else 0)]
 
     def run(self) -> Mapping[str, Value]:
         """The columns follow from blame.json and from the files of the patrol with nothing replaced."""
@@ -98,10 +93,11 @@ class BlameJob:
                 [frozenset(), *(frozenset([link]) for link in links),
                  *(frozenset(order[:place]) for order in self.orders for place in range(len(order) + 1))]))
         columns: dict[frozenset[str], dict[str, Any]] = {}
-        with progress(shown=self.context.watched) as tell:
+        with meter(None, quiet=not self.context.watched, desc="blame", unit="patrol") as bar:
             while wanted:
-                tell(len(columns), len(columns) + len(wanted))
-                columns |= trials.drive(wanted, partial(_on, tell, len(columns)))
+                ended, bar.total = len(columns), len(columns) + len(wanted)
+                bar.update(ended - bar.n)
+                columns |= trials.drive(wanted, lambda more, ended=ended: bar.update(ended + more - bar.n))  # type: ignore[misc]
                 wanted = [] if self.orders else self._next(columns)
             trials.close()
         return {one: columns[one] for one in every if one in columns}
@@ -152,21 +148,6 @@ def known_or_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: known_or_none(item) for name, item in value.items()}
     return None if isinstance(value, float) and math.isnan(value) else value
-
-
-def _on(tell: Callable[[int, int | None], None], before: int, more: int) -> None:
-    tell(before + more, None)
-
-
-@contextmanager
-def progress(*, shown: bool) -> Iterator[Callable[[int, int | None], None]]:
-    """A bar on stderr that is told how many patrols have ended and, if that is known anew, of how many."""
-    with meter(None, quiet=not shown, desc="blame", unit="patrol") as bar:
-        def tell(ended: int, total: int | None) -> None:
-            bar.total = total or bar.total
-            bar.update(ended - bar.n)
-
-        yield tell
 
 
 def write_table(path: Path, columns: Mapping[frozenset[str], Mapping[str, Any]]) -> None:

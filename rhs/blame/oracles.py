@@ -47,18 +47,14 @@ class Watched:
         return self.taken[self.shown - 1][0]
 
     def truth(self) -> np.ndarray | None:
-        return self.taken[self.shown - 1][1] if self._in_survey else self.source.truth()
+        return self.taken[self.shown - 1][1] if self.taken else self.source.truth()
 
     def clearance_m(self) -> tuple[float, bool]:
-        return self.taken[self.shown - 1][2] if self._in_survey else self.source.clearance_m()
+        return self.taken[self.shown - 1][2] if self.taken else self.source.clearance_m()
 
     def begin_patrol(self) -> None:
         self.taken = []
         self.source.begin_patrol()
-
-    @property
-    def _in_survey(self) -> bool:
-        return bool(self.taken)
 
 
 class TrueDrive:

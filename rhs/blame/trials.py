@@ -33,6 +33,7 @@ from rhs.metrics.evaluate import evaluate
 from rhs.patrol.culprit import in_one_line
 from rhs.patrol.gate import gated
 from rhs.patrol.job import collect, patrol, settle
+from rhs.patrol.loop import end_of
 from rhs.patrol.observers import RunLog, open_log, unwatched
 from rhs.patrol.run import RunContext
 
@@ -125,8 +126,7 @@ def _survey(chain: Chain, state: frozenset[str], queue: Any, at_once: Any) -> No
         with at_once:
             parts = _estimating(chain, state)
             log = _log(chain, parts, chain.folder / f"survey_{label(state)}")
-            leading = collect(parts, chain.context, chain.settings, log)
-            collected = _result(leading)
+            collected = end_of(collect(parts, chain.context, chain.settings, log))
         while (wanted := queue.get()) is not None:
             patrols = [OF.Process(target=_patrol, args=(chain, parts, collected, log, links, at_once)) for links in wanted]
             for one in patrols:  # forked when its turn comes: each that waited would count as memory of the run
@@ -155,8 +155,7 @@ def _patrol(chain: Chain, parts: Parts, collected: ViewCollector, led: RunLog, l
         log = _log(chain, parts, folder)
         log.table.add_rows(led.table.partial.read_text("utf-8"))
         surveyed = settle(collected, parts, log)
-        for _ in patrol(parts, chain.settings, surveyed, log, seed=chain.context.seed):
-            pass
+        end_of(patrol(parts, chain.settings, surveyed, log, seed=chain.context.seed))
         log.table.close()
         columns: dict[str, Any] = {"status": "ok", **evaluate(folder, "patrol")}
     except BaseException as error:
@@ -224,15 +223,6 @@ def _log(chain: Chain, parts: Parts, folder: Path) -> RunLog:
     return open_log(config, parts, chain.world, folder, unwatched)
 
 
-def _result(generator: Any) -> Any:
-    """What a generator of steps returns at its end."""
-    while True:
-        try:
-            next(generator)
-        except StopIteration as end:
-            return end.value
-
-
 def label(links: frozenset[str]) -> str:
     """A folder's name for a set of links."""
     return "+".join(sorted(links)) or "nothing"
@@ -249,7 +239,6 @@ def _write(chain: Chain, links: frozenset[str], columns: Mapping[str, Any]) -> N
 
 def _read(chain: Chain, links: frozenset[str]) -> dict[str, Any]:
     try:
-        columns: dict[str, Any] = json.loads(_answer(chain, links).read_text("utf-8"))
+        return json.loads(_answer(chain, links).read_text("utf-8"))
     except (OSError, ValueError):
         return dict(KILLED)
-    return columns

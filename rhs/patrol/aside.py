@@ -99,5 +99,4 @@ def roomy_spot(for_m: np.ndarray, spots_m: np.ndarray, grid: OccupancyGrid, bloc
     worth = np.minimum(grid.resolution_m * room_m, ENOUGH_M) - WAY_COST * way_m
     if len(trail_m):
         worth = np.minimum(cKDTree(trail_m).query(middles)[0], OFF_M) + ROOM_SHARE * worth
-    best: np.ndarray = middles[fit][np.argmax(worth[fit])]
-    return best
+    return middles[fit][np.argmax(worth[fit])]

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from rhs.api.contracts import Blockage, Blocked, Replan
+from rhs.api.contracts import Blockage, Blocked
 from rhs.api.geometry import se2, wrap
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Event, MissionStatus, Path, Scan, Twist
+from rhs.api.records import Event, MissionStatus, Path, Scan, Twist, View
+from rhs.api.robot_shape import Footprint
+from rhs.api.task import Parts
 from rhs.api.validate import check_blocked
+from rhs.estimation.survey import known_free
 
 from .aside import PATIENCE_VIEWS, Aside, Trails
-from .changed_map import STAYS_S
+from .changed_map import STAYS_S, ChangedMap
 from .control import Pace, Progress, ahead_on_path, first_on_way, short_of, steer, target_on, turn, turns
 from .guard import Guard
+from .kidnap import Kidnapper
+from .loop import names
 from .mission import Logbook, MissionSettings
 from .neighbours import near_any
 from .obstacles import ObstacleWatch, in_body, in_map
 from .planning import RoomyPlanner, with_unseen
+from .relocate import Search
 from .surroundings import CAME_NEAR_M, SURE
 
 WAIT_S = 0.5  # one view of waiting
@@ -32,24 +38,48 @@ LOOK_AGAIN_TURNS = (1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0, 1.0)  # forth and bac
 
 
 class Barred:
-    """The part of a sentinel that knows what to do then. rebuffed: it touched something on a way over unseen ground."""
+    """What a sentinel holds, and the part of it that knows what to do then. rebuffed: it touched something on a way over
+    unseen ground."""
 
     rebuffed = False
-
     phase: str
-    settings: MissionSettings
-    book: Logbook
-    grid: OccupancyGrid
-    free: np.ndarray
-    roads: RoomyPlanner
-    watch: ObstacleWatch
-    guard: Guard
-    pace: Pace
-    replan: Replan
-    who: Mapping[str, str]
-    obstacle: Scan | None
-    radius_m: float
-    trails: Trails
+    _finish: Callable[[MissionStatus, str, list[Event]], None]
+    _plan: Callable[[np.ndarray, list[Event]], bool]
+
+    def __init__(self, parts: Parts, grid: OccupancyGrid, views: Sequence[View], *,
+                 places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings,
+                 footprint: Footprint | None = None) -> None:
+        self.localiser, self.planner, self.replan, self.settings = parts.localiser, parts.planner, parts.replan, settings
+        self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan,
+                                       localiser=parts.localiser)
+        self.radius_m, self.views, self.slam = radius_m, tuple(views), parts.slam  # which draws a new map all the time
+        updates = settings.update_map and self.phase == "patrol" and self.slam is None
+        self.changed = ChangedMap(grid, settings.advanced.guard.votes) if updates else None
+        self._take_map(grid)
+        self.book = Logbook(places)
+        self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
+                         arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
+        self.guard = Guard(radius_m, self.pace, settings.advanced.guard, footprint)
+        self.obstacle: Scan | None = None  # of the last view
+        self.lost_in_all, self.trails = 0, Trails()
+        self.expected = np.full((4, 4), np.nan)  # map_from_body by the last sure belief, if any, and the motions since
+        self.plans: list[tuple[int, Path]] = []
+        self.kidnapper: Kidnapper | None = None
+        self.search = Search(radius_m, self.pace)
+        self._begin_place()
+
+    def _take_map(self, grid: OccupancyGrid) -> None:
+        """Plan and watch on this map from now on."""
+        self.grid, self.free = grid, known_free(grid, self.views, self.radius_m, self.settings.margin_m)
+        self.watch = ObstacleWatch(grid, self.free, tolerance_m=self.settings.wall_tolerance_m,
+                                   votes=self.settings.advanced.guard.votes, changed=self.changed)
+        self._drive_on(self.free)
+
+    def _drive_on(self, free: np.ndarray) -> None:
+        """Plan over these cells (H, W), and watch for things on them."""
+        self.roads = RoomyPlanner(self.planner, self.grid, free, radius_m=self.radius_m, settings=self.settings,
+                                  who=self.who["planner"])
+        self.watch.watch_on(free)
 
     def _begin_place(self) -> None:
         self.path: Path | None = None
@@ -58,18 +88,6 @@ class Barred:
         self.looked_again, self.ventured, self.last_reason, self.bars = False, False, "", ""
         self.progress, self.aside, self.guard.refused_for_hidden, self.guard.pressed = Progress(), Aside(), 0, 0
         self.attempts = self.waited = self.contacts = self.barred = self.backed = self.returned = self.approached = 0
-
-    def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
-        """End the mission."""
-        raise NotImplementedError
-
-    def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
-        """Plan the way to the current place; whether there is one."""
-        raise NotImplementedError
-
-    def _drive_on(self, free: np.ndarray) -> None:
-        """Plan over these cells."""
-        raise NotImplementedError
 
     def _back(self, pose: np.ndarray) -> Twist | None:
         """A little back the way the robot came, if the map and what it has seen leave room there."""
@@ -239,8 +257,7 @@ class Barred:
         at for a while may have gone; not what its guard refuses to pass again and again."""
         lately_s = self.settings.advanced.guard.fade_s if self.guard.moves and self.barred < MOST_BARRED else np.inf
         points = in_map(self.guard.around.things(lately_s), pose)
-        near: np.ndarray = points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
-        return near
+        return points if walls else points[self.watch.unknown(points, 0.5 * self.settings.wall_tolerance_m)]
 
     def _told(self, at_m: np.ndarray, pose: np.ndarray, *, known: bool = True, no_way: bool = False) -> Blockage:
         """What the replan part is told of something in the way there."""

@@ -49,8 +49,7 @@ class ChangedMap:
     @property
     def votes(self) -> np.ndarray:
         """(H, W) for a thing of any height."""
-        most: np.ndarray = np.maximum(self.at_eye.votes, self.below.votes)
-        return most
+        return np.maximum(self.at_eye.votes, self.below.votes)
 
     def update(self, stood_s: np.ndarray) -> bool:
         """Redraw the map; whether it is another one now. stood_s (H, W): for how long something that it does not know was

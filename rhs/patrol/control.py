@@ -65,12 +65,6 @@ def ahead_on_path(points_m: np.ndarray, at_m: np.ndarray, length_m: float) -> np
     return points_at(points_m, stations)
 
 
-def closest_gap(path: Path, pose: np.ndarray) -> float:
-    """Distance in metres from the pose to the path."""
-    _, near = closest_on_path(path.points_m, pose[:2])
-    return float(np.linalg.norm(near - pose[:2]))
-
-
 def first_on_way(way: Path, things_m: np.ndarray, at_m: np.ndarray, near_m: float, *,
                  else_m: np.ndarray | None = None) -> np.ndarray:
     """(2,) of the things (K, 2) the first that lies within near_m of the way ahead of `at_m`; where there is no way, or none
@@ -79,20 +73,17 @@ def first_on_way(way: Path, things_m: np.ndarray, at_m: np.ndarray, near_m: floa
         gaps = np.linalg.norm(things_m[:, None] - ahead_on_path(way.points_m, at_m, np.inf)[None], axis=2)
         barred = gaps.min(axis=0) < near_m
         if barred.any():
-            first: np.ndarray = things_m[gaps[:, np.argmax(barred)].argmin()]
-            return first
+            return things_m[gaps[:, np.argmax(barred)].argmin()]
     if else_m is not None:
         return else_m
-    nearest: np.ndarray = things_m[np.argmin(np.linalg.norm(things_m - at_m, axis=1))]
-    return nearest
+    return things_m[np.argmin(np.linalg.norm(things_m - at_m, axis=1))]
 
 
 def short_of(way_m: np.ndarray, at_m: np.ndarray, thing_m: np.ndarray, stop_m: float) -> np.ndarray:
     """(M, 2) the stretch of the way (N, 2) from the place nearest to `at_m` up to stop_m before the thing (2,)."""
     ahead = ahead_on_path(way_m, at_m, np.inf)
     near = np.linalg.norm(ahead - thing_m, axis=1) < stop_m
-    stretch: np.ndarray = ahead[:np.argmax(near)] if near.any() else ahead
-    return stretch
+    return ahead[:np.argmax(near)] if near.any() else ahead
 
 
 def steer(path_m: np.ndarray, map_from_body: np.ndarray, pace: Pace) -> Twist:

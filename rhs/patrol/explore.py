@@ -191,8 +191,7 @@ class Explorer(Sentinel):
         """(H, W) bool: the cells under the robot's body."""
         rows, columns = np.ogrid[:self.grid.shape[0], :self.grid.shape[1]]
         x, y = (at_m - np.array(self.grid.origin_m)) / self.grid.resolution_m - 0.5
-        under: np.ndarray = (columns - x) ** 2 + (rows - y) ** 2 <= (self.radius_m / self.grid.resolution_m) ** 2
-        return under
+        return (columns - x) ** 2 + (rows - y) ** 2 <= (self.radius_m / self.grid.resolution_m) ** 2
 
     def _seen_already(self) -> bool:
         """Whether the viewpoint that the robot is driving to shows nothing new any more, or the budget is spent."""
@@ -245,8 +244,7 @@ class Explorer(Sentinel):
 def _within(grid: OccupancyGrid, bounds_m: tuple[float, float, float, float]) -> np.ndarray:
     """(H, W) bool: cells whose middle lies within the bounds (x_min, y_min, x_max, y_max)."""
     middles = grid.centres(np.argwhere(np.ones(grid.shape, bool)))
-    inside: np.ndarray = ((middles >= bounds_m[:2]) & (middles <= bounds_m[2:])).all(axis=1).reshape(grid.shape)
-    return inside
+    return ((middles >= bounds_m[:2]) & (middles <= bounds_m[2:])).all(axis=1).reshape(grid.shape)
 
 
 def check_explorable(parts: Parts, sensed: frozenset[str]) -> None:

@@ -21,6 +21,7 @@ from rhs.worlds.clearance import ways_m
 
 RAYS = 72  # every five degrees
 EDGES_DEG = 7.0  # of what is seen at once: not well
+ANGLES = 2.0 * np.pi * np.arange(RAYS) / RAYS
 STRIDE_M = 0.3  # between the places that are weighed
 AT_ONCE = 64  # places whose rays are cast together
 AGAIN_M = 1.0  # nearer to where it was looked at in vain a frontier is not looked at again
@@ -153,8 +154,7 @@ class Frontiers:
         """(H, W) bool: the frontiers that are in view from a place with a heading."""
         seen = np.zeros(self.grid.shape, bool)
         _, entries = self._rays(self.grid.cells(at_m[None]))
-        angles = 2.0 * np.pi * np.arange(RAYS) / RAYS
-        inside = np.abs(wrap(angles - facing_rad)) <= 0.5 * self.view_rad + 2.0 * np.pi / RAYS
+        inside = np.abs(wrap(ANGLES - facing_rad)) <= 0.5 * self.view_rad + 2.0 * np.pi / RAYS
         for row, column in entries[0, inside]:
             if row >= 0:
                 seen[max(0, row - 2):row + 3, max(0, column - 2):column + 3] = True
@@ -164,10 +164,9 @@ class Frontiers:
         """((K, RAYS) unknown ground along each ray that enters it through a frontier, square metres; (K, RAYS, 2) the cell
         where it does, -1 where it does not)."""
         resolution_m = self.grid.resolution_m
-        angles = 2.0 * np.pi * np.arange(RAYS) / RAYS
         reach = np.arange(1.0, self.settings.sight_m / resolution_m)
-        rows = np.floor(cells[:, 0, None, None] + 0.5 + np.sin(angles)[:, None] * reach).astype(int)
-        columns = np.floor(cells[:, 1, None, None] + 0.5 + np.cos(angles)[:, None] * reach).astype(int)
+        rows = np.floor(cells[:, 0, None, None] + 0.5 + np.sin(ANGLES)[:, None] * reach).astype(int)
+        columns = np.floor(cells[:, 1, None, None] + 0.5 + np.cos(ANGLES)[:, None] * reach).astype(int)
         height, width = self.grid.shape
         inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
         at = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)

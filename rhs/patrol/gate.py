@@ -109,8 +109,10 @@ class GatedOdometry:
     def _beside_wheels(self, said: Motion, wheel: np.ndarray) -> Motion:
         if said.status is Tracking.OK:
             self._compare(planar(said.previous_from_body), wheel)
-        spread = self._wheel_covariance(wheel)
-        apart = contradiction(said, wheel, spread * (1 + self._lost) ** 2, slip_share=self._settings.slip_share)
+        s = self._settings
+        metres = s.wheel_least_m + s.wheel_share * float(np.hypot(wheel[0], wheel[1]))
+        spread = np.diag([metres**2, metres**2, (s.wheel_least_rad + s.wheel_share * abs(float(wheel[2]))) ** 2])
+        apart = contradiction(said, wheel, spread * (1 + self._lost) ** 2, slip_share=s.slip_share)
         doubted = contradiction(said, wheel, spread, slip_share=0.0) > self._doubted
         known = doubted and self._borne_out(se2(*wheel), said.previous_from_body)
         if apart <= self._limit and not known:
@@ -119,13 +121,11 @@ class GatedOdometry:
         self._contradicted += not known
         both = f"vision {_words(said.previous_from_body)} and wheels {_words(se2(*wheel))}"
         what = f"{both} are {np.sqrt(apart):.1f} sigmas apart"
-        if self._contradicted > self._settings.patience:
+        if self._contradicted > s.patience:
             return replace(said, reason=_with(said.reason, f"{what}: wheels doubted"))
-        covariance = on_floor(spread)
-        if known:
-            return replace(_instead(said, se2(*wheel), covariance, f"{what}; the scan agrees with wheel"),
-                           status=Tracking.DEGENERATE)
-        return _instead(said, se2(*wheel), covariance, f"{what}; took wheel")
+        why = f"{what}; {'the scan agrees with' if known else 'took'} wheel"
+        wheels = _instead(said, se2(*wheel), on_floor(spread), why)
+        return replace(wheels, status=Tracking.DEGENERATE) if known else wheels
 
     def _borne_out(self, wheels: np.ndarray, vision: np.ndarray) -> bool:
         """Whether the wheels' motion (4x4) is seen in the scan, and some of it by theirs alone: what stands still, beside
@@ -154,11 +154,6 @@ class GatedOdometry:
         sigmas = np.repeat([0.05 + s.leap_mps * elapsed_s / 3.0, 0.05 + s.leap_radps * elapsed_s / 3.0], 3)
         what = f"vision {_words(said.previous_from_body)} in {elapsed_s:.3f} s leaps from {_words(guess)}"
         return _instead(said, guess, np.diag(sigmas**2), f"{what}; took same again")
-
-    def _wheel_covariance(self, wheel: np.ndarray) -> np.ndarray:
-        s = self._settings
-        metres = s.wheel_least_m + s.wheel_share * float(np.hypot(wheel[0], wheel[1]))
-        return np.diag([metres**2, metres**2, (s.wheel_least_rad + s.wheel_share * abs(float(wheel[2]))) ** 2])
 
 
 def contradiction(said: Motion, wheel: np.ndarray, spread: np.ndarray, *, slip_share: float) -> float:

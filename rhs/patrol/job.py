@@ -41,7 +41,7 @@ from .mission import turning
 from .observers import RunLog, closure_rows, plan_row, write_json, write_reach
 from .run import RunContext
 from .sentinel import Sentinel
-from .shared_survey import Leading
+from .shared_survey import led_for_others
 from .sights import Sights, check_looks
 from .tasks import Patrol, Survey, explores
 
@@ -55,18 +55,19 @@ class PatrolJob(StepJob):
 
     def __init__(self, settings: Survey, context: RunContext, world: World | None) -> None:
         self.settings, self.context, self.world = settings, context, world
-        self.patrols = isinstance(settings, Patrol) and world is not None  # a recording cannot be driven
-        idle = () if self.patrols else set(Patrol.kinds) - set(Survey.kinds)
-        self.parts = context.parts(world=world, without=() if explores(settings) else idle)
-        if isinstance(settings, Patrol) and world is not None and "driving" not in self.parts.provides:
+        self.patrol = settings if isinstance(settings, Patrol) and world is not None else None  # no recording can be driven
+        idle = set(Patrol.kinds) - set(Survey.kinds) if self.patrol is None and not explores(settings) else ()
+        self.parts = context.parts(world=world, without=idle)
+        sensed = context.settings("sensor").provides
+        if self.patrol is not None and "driving" not in self.parts.provides:
             raise ConfigError(f"task=patrol drives the robot, which {self.parts.who['source']} cannot do here; "
                               "type task=survey for the map alone")
         if explores(settings):
-            check_explorable(self.parts, context.settings("sensor").provides)
-        if self.patrols and settings.mission.update_map:  # type: ignore[attr-defined]
-            check_updates(self.parts, context.settings("sensor").provides)
-        if self.patrols and settings.mission.look_m:  # type: ignore[attr-defined]
-            check_looks(settings.mission.look_m, context.settings("sensor").provides)  # type: ignore[attr-defined]
+            check_explorable(self.parts, sensed)
+        if self.patrol is not None and self.patrol.mission.update_map:
+            check_updates(self.parts, sensed)
+        if self.patrol is not None and self.patrol.mission.look_m:
+            check_looks(self.patrol.mission.look_m, sensed)
             if context.config.pictures == "off":
                 logger.warning("mission.look_m compares pictures, and pictures=off: nothing is compared; type pictures=on")
         self.ungated = self.parts.odometry
@@ -80,26 +81,24 @@ class PatrolJob(StepJob):
         """Both phases; the row's columns follow from the files they leave."""
         log = self.context.open_log(self.parts, self.world)
         settings, sights = self.settings, None
-        if self.patrols and isinstance(settings, Patrol) and self.context.config.pictures != "off":
-            sights = Sights(settings.places.every, self.context.features, settings.mission.look_m)
+        if self.patrol is not None and self.context.config.pictures != "off":
+            sights = Sights(settings.places.every, self.context.features, self.patrol.mission.look_m)
         if self.context.shared is not None:
             survey = self.context.shared.hand_over(log)
         else:
             leading = lead_survey(self.parts, self.context, settings, log, sights=sights)
-            survey = yield from leading if self.context.keep is None else self._kept(leading, log)
-        if isinstance(settings, Patrol) and self.world is not None:
+            if self.context.keep is None:
+                survey = yield from leading
+            else:
+                shared = yield from led_for_others(leading, self.parts, self.context, log, ungated=self.ungated,
+                                                   recorded=self.context.config.recording != "off")
+                self.context.keep(shared)
+                survey = shared.survey
+        if self.patrol is not None and self.world is not None:
             if not self.parts.source.facts.places:
                 logger.warning("%s names no places, so nothing is patrolled after the survey; write places: {desk: [x, y]} "
                                "in its file", self.world.name)
-            yield from patrol(self.parts, settings, survey, log, seed=self.context.seed, sights=sights)
-
-    def _kept(self, leading: Generator[Step, None, Surveyed], log: RunLog) -> Generator[Step, None, Surveyed]:
-        """The same survey, kept for runs to come."""
-        watched = Leading(self.context, log, recorded=self.context.config.recording != "off")
-        survey = yield from watched.follow(leading)
-        if self.context.keep is not None:
-            self.context.keep(watched.led(self.parts, self.ungated, survey))
-        return survey
+            yield from patrol(self.parts, self.patrol, survey, log, seed=self.context.seed, sights=sights)
 
 
 def world_of(settings: Survey, context: RunContext) -> World | None:
@@ -275,7 +274,7 @@ def patrol(parts: Parts, settings: Patrol, survey: Surveyed, log: RunLog, *, see
                 sights.look(step, seed=seed)
             yield step
     finally:
-        write_json(log.folder / "missions.json", sentinel.book.to_rows())
+        write_json(log.folder / "missions.json", [asdict(mission) for mission in sentinel.book.missions])
         if sights is not None:
             write_json(log.folder / "changes.json", [*sights.rows, *sights.on_way(log.folder / "on_way")])
         write_json(log.folder / "plans.json", [plan_row(number, plan) for number, plan in sentinel.plans])

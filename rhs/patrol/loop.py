@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,8 +17,7 @@ from rhs.api.contracts import Mapper, Odometry, Sensor, Slam, Source
 from rhs.api.records import Belief, Capture, Event, Motion, Observation, Path, Scan, Step, Twist
 from rhs.api.validate import check_belief, check_motion, reach_of
 
-from .ahead import Ahead
-from .eyes import Eyes, Looked, Remembered
+from .eyes import Ahead, Eyes, Looked, Remembered
 from .gate import GatedOdometry
 
 
@@ -88,6 +87,15 @@ def estimated(looked: Looked, odometry: Odometry, pilot: Pilot, *, index: int, w
     step = Step(index, pilot.phase, capture.stamp_s, observation, motion, belief, scan, true.truth, decision.path,
                 decision.mission, decision.events, capture.command, clock.timings_ms, true.clearance_m, true.collided)
     return step, decision.command
+
+
+def end_of(steps: Iterator[Step]) -> Any:
+    """What a generator of steps returns at its end; the steps go by."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
 
 
 def names(**parts: object) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -161,6 +161,3 @@ class Logbook:
         name, x, y = self.place
         put_off = [one for one in self.missions if one.status is MissionStatus.SKIPPED]
         return sum((one.place, one.goal_m) == (name, [x, y]) for one in put_off)
-
-    def to_rows(self) -> list[dict]:
-        return [asdict(mission) for mission in self.missions]

@@ -14,8 +14,7 @@ def near_any(points_m: np.ndarray, others_m: np.ndarray, within_m: float) -> np.
 
     if not len(points_m) or not len(others_m):
         return np.zeros(len(points_m), bool)
-    close: np.ndarray = np.isfinite(cKDTree(others_m).query(points_m, distance_upper_bound=within_m)[0])
-    return close
+    return np.isfinite(cKDTree(others_m).query(points_m, distance_upper_bound=within_m)[0])
 
 
 def has_neighbour(points_m: np.ndarray, within_m: float) -> np.ndarray:
@@ -24,16 +23,14 @@ def has_neighbour(points_m: np.ndarray, within_m: float) -> np.ndarray:
 
     if not len(points_m):
         return np.zeros(0, bool)
-    close: np.ndarray = cKDTree(points_m).query_ball_point(points_m, within_m, return_length=True) > 1
-    return close
+    return cKDTree(points_m).query_ball_point(points_m, within_m, return_length=True) > 1
 
 
 def nears(gaps_m: np.ndarray, now_m: np.ndarray, margin_m: float | np.ndarray) -> np.ndarray:
     """Whether gaps are less than the margin and than the gaps now, if there are any, within LAST_M by anything: commands
     that each bring the robot nearer by less than what was seen is exact to would end at the thing."""
     slack_m = np.where((gaps_m < LAST_M) & (now_m > 0.0), 0.001, EXACT_M)
-    nearer: np.ndarray = (gaps_m < margin_m) & (gaps_m < now_m - slack_m)
-    return nearer
+    return (gaps_m < margin_m) & (gaps_m < now_m - slack_m)
 
 
 def width_m(points_m: np.ndarray) -> float:

@@ -148,10 +148,8 @@ def write_reach(log: RunLog, truth: np.ndarray | None) -> None:
     if log.world is None or truth is None:
         return
     room_m, unsure_m = reach(log.world, np.asarray(truth)[:2, 3], within_m=VISITED_M)
-    names = [name for name, *_ in log.world.places]
-    write_json(log.folder / "reach.json", {
-        "unsure_m": unsure_m,
-        "places": [{"name": name, "room_m": room} for name, room in zip(names, room_m, strict=True)]})
+    places = [{"name": name, "room_m": room} for (name, *_), room in zip(log.world.places, room_m, strict=True)]
+    write_json(log.folder / "reach.json", {"unsure_m": unsure_m, "places": places})
 
 
 def drives_in(world: World, facts: WorldFacts) -> bool:

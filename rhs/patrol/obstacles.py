@@ -13,6 +13,7 @@ from rhs.estimation.scans.settings import VoteSettings
 from .changed_map import ChangedMap
 from .surroundings import NOTHING, TRAIL_S
 
+CONFIRM_VIEWS, WITHIN_M = 2, 4.0  # views that a thing is seen in, and how near
 PASSED_CELLS = 1.5  # a thing that a way squeezes past may turn out so much thicker, cells
 BESIDE_CELLS = 1.5  # so near to what stays there nothing has gone, cells
 LEAST_KEPT_S = 4.0  # what was seen once only is kept so long
@@ -34,15 +35,13 @@ def scan_points(map_from_body: np.ndarray, scan: Scan) -> np.ndarray:
 def in_map(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """(K, 2) points of the body frame, in the map; pose (3,): x, y, yaw."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    moved: np.ndarray = points_m @ np.array([[c, s], [-s, c]]) + pose[:2]
-    return moved
+    return points_m @ np.array([[c, s], [-s, c]]) + pose[:2]
 
 
 def in_body(points_m: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """(..., 2) points of the map, in the body frame of the pose (3,)."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    moved: np.ndarray = (points_m - pose[:2]) @ np.array([[c, -s], [s, c]])
-    return moved
+    return (points_m - pose[:2]) @ np.array([[c, -s], [s, c]])
 
 
 def spread(points_m: np.ndarray, by_m: float) -> np.ndarray:
@@ -55,20 +54,20 @@ def spread(points_m: np.ndarray, by_m: float) -> np.ndarray:
 class ObstacleWatch:
     """Compares scans with the finished map and keeps what the map does not know until it is seen through or forgotten.
 
-    A cell counts as an obstacle when beams ended in it in at least `confirm` views, less those whose beams went through, the
+    A cell counts as an obstacle when beams ended in it in at least CONFIRM_VIEWS, less those whose beams went through, the
     map calls it free, and no wall of the map lies near. Near grows with the distance of the hit up to `tolerance_m`, as the
     belief's error of heading moves it: a box beside a wall is told from the wall when the robot comes near.
     """
 
-    def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, confirm: int = 2,
-                 within_m: float = 4.0, votes: VoteSettings | None = None, changed: ChangedMap | None = None) -> None:
+    def __init__(self, grid: OccupancyGrid, free: np.ndarray, *, tolerance_m: float, votes: VoteSettings | None = None,
+                 changed: ChangedMap | None = None) -> None:
         from scipy.ndimage import distance_transform_edt
 
         from rhs.estimation.scans.votes import Votes  # compiled code, half a second to load
 
-        self.grid, self.within_m, self.tolerance_m, self.changed = grid, within_m, tolerance_m, changed
+        self.grid, self.tolerance_m, self.changed = grid, tolerance_m, changed
         settings = votes or VoteSettings()
-        self.least_votes = confirm - settings.clear
+        self.least_votes = CONFIRM_VIEWS - settings.clear
         self._passed: np.ndarray | None = None  # (H, W) bool: what the way now driven squeezes past
         walls = grid.occupied()
         self._walls_m = grid.centres(np.argwhere(walls))
@@ -92,8 +91,7 @@ class ObstacleWatch:
     @property
     def _touched(self) -> np.ndarray:
         """(H, W) bool: where the robot ran into something."""
-        touched: np.ndarray = np.isneginf(self.since_s[1]) & (self.below.votes > 0.0)
-        return touched
+        return np.isneginf(self.since_s[1]) & (self.below.votes > 0.0)
 
     @property
     def touched_m(self) -> np.ndarray:
@@ -111,8 +109,7 @@ class ObstacleWatch:
         where = self.grid.centres(np.argwhere(cells))
         if not len(where):
             return where
-        near: np.ndarray = where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
-        return near
+        return where[np.linalg.norm(where[:, None, :] - way_m[None, :, :], axis=2).min(axis=1) < near_m]
 
     def forget_gone(self, now_s: float, at_m: np.ndarray, blind_m: float, walked_m: np.ndarray = NOTHING) -> bool:
         """Forget what has been out of sight for longer than it was seen to stand: it may have gone. Whether there was any.
@@ -142,8 +139,7 @@ class ObstacleWatch:
         rows, columns = (np.arange(count) + 0.5 for count in self.grid.shape)
         y_m, x_m = (steps * self.grid.resolution_m for steps in (rows, columns))
         gaps_m = np.hypot(y_m[:, None] + self.grid.origin_m[1] - at_m[1], x_m[None] + self.grid.origin_m[0] - at_m[0])
-        close: np.ndarray = gaps_m < within_m
-        return close
+        return gaps_m < within_m
 
     def look(self, map_from_body: np.ndarray, scan: Scan | None, obstacle: Scan | None = None, *,
              now_s: float = 0.0, moves: bool = False) -> None:
@@ -158,7 +154,7 @@ class ObstacleWatch:
             hits = low_only(obstacle, scan) & self._unknown(map_from_body, obstacle)
             self._count(1, map_from_body, obstacle, hits=hits, now_s=now_s)
         if self.changed is not None:
-            self.changed.look(map_from_body, scan, obstacle, self.within_m)
+            self.changed.look(map_from_body, scan, obstacle, WITHIN_M)
 
     def redrawn(self) -> OccupancyGrid | None:
         """The map with what has gone and what came to stay, where it may change and did."""
@@ -175,7 +171,7 @@ class ObstacleWatch:
         """Count a scan in the layer of that number."""
         layer = (self.at_eye, self.below)[number]
         before = layer.votes.copy() if layer.walks.any() else layer.votes
-        rows, columns = layer.look(map_from_body, scan, hits=hits, within_m=self.within_m).T
+        rows, columns = layer.look(map_from_body, scan, hits=hits, within_m=WITHIN_M).T
         since_s, votes = self.since_s[number, rows, columns], layer.votes[rows, columns]
         stands = (votes > 0.0) & ~(layer.walks[rows, columns] & (votes < before[rows, columns]))  # nobody: others come there
         self.since_s[number, rows, columns] = np.where(stands, np.minimum(since_s, now_s), np.inf)
@@ -191,8 +187,7 @@ class ObstacleWatch:
         known = np.isfinite(points_m).all(axis=1)
         points = np.where(known[:, None], points_m, 0.0)
         cells = np.clip(self.grid.cells(points), 0, np.array(self.grid.shape) - 1)
-        far: np.ndarray = known & self.grid.inside(points) & (self.gap_m[cells[:, 0], cells[:, 1]] > near_m)
-        return far
+        return known & self.grid.inside(points) & (self.gap_m[cells[:, 0], cells[:, 1]] > near_m)
 
     def walls_near(self, pose: np.ndarray, within_m: float = 1.0) -> np.ndarray:
         """(K, 2) the map's walls so near to the pose (3,), in its body frame."""
@@ -213,5 +208,4 @@ class ObstacleWatch:
     @property
     def cells(self) -> np.ndarray:
         """(H, W) bool: where something stands that the map does not know."""
-        cells: np.ndarray = (self.at_eye.votes >= self.least_votes) | (self.below.votes >= self.least_votes)
-        return cells
+        return (self.at_eye.votes >= self.least_votes) | (self.below.votes >= self.least_votes)

@@ -71,8 +71,7 @@ class RoomyPlanner:
     def blocked(self, obstacles: np.ndarray) -> np.ndarray:
         """(H, W) bool: where the robot's side would be nearer to a wall of the map or an obstacle (H, W) than its margin."""
         growth_cells, mapped = self._grown[-1]
-        blocked: np.ndarray = mapped | inflate(obstacles, growth_cells)
-        return blocked
+        return mapped | inflate(obstacles, growth_cells)
 
     def _through(self, start_m: np.ndarray, goal_m: np.ndarray, obstacles: np.ndarray, seen_m: np.ndarray) -> Path | None:
         """A way in finer cells with as much of the margin as there is, or None."""
@@ -120,8 +119,7 @@ def with_unseen(grid: OccupancyGrid, free: np.ndarray, reach_m: float) -> np.nda
     from scipy.ndimage import distance_transform_edt
 
     near = distance_transform_edt(~free) * grid.resolution_m <= reach_m
-    with_them: np.ndarray = free | (np.isnan(grid.probability) & near)
-    return with_them
+    return free | (np.isnan(grid.probability) & near)
 
 
 class TightMap:

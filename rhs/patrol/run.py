@@ -30,10 +30,9 @@ from rhs.recording.rerun_view import check_live
 from rhs.runfolder.row import begin_row, sound, write_row
 from rhs.worlds.world import load_world
 
-from .ahead import Ahead, looks_ahead, wants_ahead
 from .culprit import exit_noticed, in_one_line, raised_in, write_traceback
-from .eyes import Eyes, Remembered
-from .loop import Led, steps
+from .eyes import Ahead, Eyes, Remembered, looks_ahead, wants_ahead
+from .loop import Led, end_of, steps
 from .observers import RunLog, Watch, open_log, unwatched
 
 if TYPE_CHECKING:
@@ -54,13 +53,7 @@ def run_config(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
     that this run begins with, led already. keep: is given the survey that this run leads.
     building: where it was read already. drawn: the views of the survey, where they were.
     """
-    steps = run_steps(config, folder, watch, shared=shared, keep=keep, building=building, drawn=drawn, alone=True)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            row: dict[str, Any] = end.value
-            return row
+    return end_of(run_steps(config, folder, watch, shared=shared, keep=keep, building=building, drawn=drawn, alone=True))
 
 
 def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
@@ -150,12 +143,15 @@ def draw(run: RunContext, row: dict[str, Any]) -> None:
     if config.pictures == "off" and not config.video:
         return
     try:
-        if config.pictures != "off" and not (run.drawer is not None and run.drawer.pictures(folder)):
-            report().pictures(folder)
+        drawn = config.pictures == "off" or (run.drawer is not None and run.drawer.pictures(folder))
+        if not drawn or config.pictures == "page" or config.video:
+            from rhs.reports import report  # which loads what draws
+        if not drawn:
+            report.pictures(folder)
         if config.pictures == "page":
-            report().html(folder)
+            report.html(folder)
         if config.video:
-            report().video(folder)
+            report.video(folder)
     except BaseException as error:
         row["picture_failures"] = run.said_of(error)
         write_row(folder, row)
@@ -168,13 +164,6 @@ def building_of(config: RunConfig) -> World:
     source = config.parts["source"].settings
     wanted = {key: getattr(source, key, None) for key in ("robot_radius_m", "camera_height_m", "footprint_m", "survey_m")}
     return load_world(config.world, seed=config.seed, robot={key: metres for key, metres in wanted.items() if metres})
-
-
-def report() -> Any:
-    """The module that draws, loaded when it is needed."""
-    from rhs.reports import report
-
-    return report
 
 
 class RunContext:

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from rhs.api.contracts import Source
 from rhs.api.geometry import inverse, planar
-from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist, View
-from rhs.api.robot_shape import Footprint
-from rhs.api.task import Parts
+from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Path, Scan, Twist
 from rhs.api.validate import check_belief, check_capture, check_grid
-from rhs.estimation.survey import known_free
 
-from .aside import PASSED_M, Trails
+from .aside import PASSED_M
 from .barred import Barred
-from .changed_map import ChangedMap
-from .control import Pace, closest_gap, steer, target_on, turn
-from .guard import OFF_WALL_M, Guard
-from .kidnap import Kidnapper
-from .loop import Decision, names
-from .mission import ELSEWHERE_M, Logbook, Mission, MissionSettings
-from .obstacles import ObstacleWatch, in_body, in_map, spread
-from .planning import LONGER, RoomyPlanner, length_m
-from .relocate import Search, cut_to_room
+from .control import Pace, closest_on_path, steer, target_on, turn
+from .guard import OFF_WALL_M
+from .loop import Decision
+from .mission import ELSEWHERE_M, Mission
+from .obstacles import in_body, in_map, spread
+from .planning import LONGER, length_m
+from .relocate import cut_to_room
 from .surroundings import HIDES_M, NEAR_M, NOTHING, SURE
 
 DEPTHS_M = (HIDES_M, 0.7 * HIDES_M)  # a box of which one camera saw one face is as deep as that, tried in this order
@@ -36,41 +30,6 @@ class Sentinel(Barred):
     """Pilot of the patrol. One call of `decide` per view; the book of missions is in `book`."""
 
     phase, believer = "patrol", "localiser"
-
-    def __init__(self, parts: Parts, grid: OccupancyGrid, views: Sequence[View], *,
-                 places: tuple[tuple[str, float, float], ...], radius_m: float, settings: MissionSettings,
-                 footprint: Footprint | None = None) -> None:
-        self.localiser, self.planner, self.replan, self.settings = parts.localiser, parts.planner, parts.replan, settings
-        self.who = parts.who or names(source="driven", planner=parts.planner, replan=parts.replan,
-                                       localiser=parts.localiser)
-        self.radius_m, self.views, self.slam = radius_m, tuple(views), parts.slam  # which draws a new map all the time
-        updates = settings.update_map and self.phase == "patrol" and self.slam is None
-        self.changed = ChangedMap(grid, settings.advanced.guard.votes) if updates else None
-        self._take_map(grid)
-        self.book = Logbook(places)
-        self.pace = Pace(settings.speed_mps, settings.step_m, np.radians(settings.turn_step_deg),
-                         arc_radius_m=settings.arc_radius_m if settings.turn == "arc" else 0.0)
-        self.guard = Guard(radius_m, self.pace, settings.advanced.guard, footprint)
-        self.obstacle: Scan | None = None  # of the last view
-        self.lost_in_all, self.trails = 0, Trails()
-        self.expected = np.full((4, 4), np.nan)  # map_from_body by the last sure belief, if any, and the motions since
-        self.plans: list[tuple[int, Path]] = []
-        self.kidnapper: Kidnapper | None = None
-        self.search = Search(radius_m, self.pace)
-        self._begin_place()
-
-    def _take_map(self, grid: OccupancyGrid) -> None:
-        """Plan and watch on this map from now on."""
-        self.grid, self.free = grid, known_free(grid, self.views, self.radius_m, self.settings.margin_m)
-        self.watch = ObstacleWatch(grid, self.free, tolerance_m=self.settings.wall_tolerance_m,
-                                   votes=self.settings.advanced.guard.votes, changed=self.changed)
-        self._drive_on(self.free)
-
-    def _drive_on(self, free: np.ndarray) -> None:
-        """Plan over these cells (H, W), and watch for things on them."""
-        self.roads = RoomyPlanner(self.planner, self.grid, free, radius_m=self.radius_m, settings=self.settings,
-                                  who=self.who["planner"])
-        self.watch.watch_on(free)
 
     def _begin_place(self) -> None:
         super()._begin_place()
@@ -187,7 +146,7 @@ class Sentinel(Barred):
             command = self._answer(blockage, pose, events)
             if command is not None or self.book.current is None:
                 return command
-        if self.path is not None and closest_gap(self.path, pose) > 0.6:
+        if self.path is not None and np.linalg.norm(closest_on_path(self.path.points_m, pose[:2])[1] - pose[:2]) > 0.6:
             self.path = None
             self.book.missions[-1].replans += 1
             events.append(Event.REPLAN)
@@ -228,6 +187,7 @@ class Sentinel(Barred):
         return turn(side * self.pace.turn_step_rad, Pace(turn_step_rad=self.pace.turn_step_rad))
 
     def _plan(self, pose: np.ndarray, events: list[Event]) -> bool:
+        """Plan the way to the current place; whether there is one."""
         self.attempts += not self.guard.moves  # who walks there goes on; views_max ends that
         mission, aside_m = self.book.missions[-1], self.aside.goal_m
         monocular = self.guard.around.monocular  # which may not see again from near what it saw from afar
@@ -270,6 +230,7 @@ class Sentinel(Barred):
         return plan
 
     def _finish(self, status: MissionStatus, reason: str, events: list[Event]) -> None:
+        """End the mission."""
         self.book.close(status, reason)
         events.append(Event(status))
         grid = self.watch.redrawn() if self.slam is None else check_grid(self.slam.grid(), who=self.who["localiser"])

@@ -25,12 +25,12 @@ from rhs.base.memory import keep_freed_memory
 from rhs.config.compose import OUTPUTS, RunConfig, to_plain
 from rhs.runfolder.steps_csv import PARTIAL
 
-from .ahead import looks_ahead, settled
-from .eyes import Eyes, Looked
+from .eyes import Eyes, Looked, looks_ahead, settled
 from .job import PatrolJob, lead_survey, world_of
+from .loop import end_of
 from .observers import unwatched
 from .run import RunContext
-from .shared_survey import LATER, DrawnViews, Leading, SharedSurvey
+from .shared_survey import LATER, DrawnViews, SharedSurvey, led_for_others
 from .tasks import Patrol, Survey, explores
 
 AFTER = (*LATER, "mission", *(name for name in OUTPUTS if name != "recording"))  # what a survey does not depend on
@@ -42,7 +42,11 @@ MOST_MB = 600  # of views at a time
 def survey_key(config: RunConfig) -> str | None:
     """16 hex digits, the same for runs that begin with the same survey; None: of a run whose survey is not shared."""
     values = survey_values(config)
-    return None if values is None else hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+    return None if values is None else _key(values)
+
+
+def _key(values: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def survey_values(config: RunConfig) -> dict[str, Any] | None:
@@ -62,8 +66,7 @@ def views_key(config: RunConfig) -> str | None:
     settings = config.task.settings
     if type(settings) not in (Survey, Patrol) or not config.driving or explores(settings) or SLAM in config.parts:
         return None
-    values = {name: value for name, value in to_plain(config).items() if name not in (*AFTER, *ESTIMATING, "recording")}
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+    return _key({name: value for name, value in to_plain(config).items() if name not in (*AFTER, *ESTIMATING, "recording")})
 
 
 def draw_views(config: RunConfig, folder: Path, building: World | None = None) -> DrawnViews:
@@ -78,7 +81,7 @@ def draw_views(config: RunConfig, folder: Path, building: World | None = None) -
     if not looks_ahead("on", parts.source, parts.sensor):
         raise RhsError("its source or sensor wants to be asked view by view")
     eyes = Eyes(parts.source, parts.sensor, parts.who)
-    seen: list[Looked | None] = []
+    seen: list[Looked] = []
     while (looked := eyes(parts.source.lead)) is not None:
         capture = replace(looked.capture, image=None, depth=None, scan=None, extras={})
         seen.append(replace(looked, capture=capture, judged=settled(looked.judged)[0]))
@@ -110,14 +113,8 @@ def lead_shared(config: RunConfig, folder: Path, building: World | None = None, 
                          drawn=drawn)
     job: PatrolJob = config.task.settings.build(context)
     log = context.open_log(job.parts, job.world)
-    leading = Leading(context, log, recorded=config.recording != "off")
-    going = leading.follow(lead_survey(job.parts, context, job.settings, log))
-    while True:
-        try:
-            next(going)
-        except StopIteration as end:
-            shared = leading.led(job.parts, job.ungated, end.value)
-            break
+    shared: SharedSurvey = end_of(led_for_others(lead_survey(job.parts, context, job.settings, log), job.parts, context, log,
+                                                 ungated=job.ungated, recorded=config.recording != "off"))
     _check_forkable(before, folder)
     return shared
 

@@ -66,38 +66,28 @@ class DrawnViews:
     took_s: of the wall's clock."""
 
     parts: Parts
-    seen: list[Looked | None]
+    seen: list[Looked]
     building: World | None
     took_s: float
 
 
-class Leading:
-    """A survey that is being led, for others to go on from. recorded: whether their recordings want its steps."""
-
-    def __init__(self, context: RunContext, log: RunLog, *, recorded: bool) -> None:
-        self.context, self.log, self.recorded = context, log, recorded
-        self.before = set(log.folder.rglob("*"))
-        self.steps: list[Step] = []
-
-    def follow(self, leading: Generator[Step, None, Surveyed]) -> Generator[Step, None, Surveyed]:
-        """The steps and the survey, as they come."""
-        while True:
-            try:
-                step = next(leading)
-            except StopIteration as end:
-                survey: Surveyed = end.value
-                return survey
-            if self.recorded:
-                bare = replace(step.observation, image=None, depth=None, extras={})
-                self.steps.append(replace(step, observation=bare))
-            yield step
-
-    def led(self, parts: Parts, ungated: Odometry, survey: Surveyed) -> SharedSurvey:
-        """What was led, by these parts; ungated: their odometry without its gate."""
-        log = self.log
-        files = {str(path.relative_to(log.folder)): path.read_bytes() for path in sorted(log.folder.rglob("*"))
-                 if path not in self.before and path.is_file() and ".tmp-" not in path.name}
-        built = replace(parts, odometry=ungated, **dict.fromkeys(LATER))  # type: ignore[arg-type]
-        return SharedSurvey(built, parts.odometry, survey, tuple(self.steps), files, log.table.partial.read_text("utf-8"),
-                            dict(log.counts), log.began_s, log.stamp_s, time.perf_counter() - self.context.began_s,
-                            frozenset(self.context.drawn()))
+def led_for_others(leading: Generator[Step, None, Surveyed], parts: Parts, context: RunContext, log: RunLog, *,
+                   ungated: Odometry, recorded: bool) -> Generator[Step, None, SharedSurvey]:
+    """The steps of a survey that is being led by these parts, as they come, and what it leaves for others to go on from.
+    ungated: their odometry without its gate. recorded: whether the recordings of others want its steps."""
+    before, bare = set(log.folder.rglob("*")), list[Step]()
+    while True:
+        try:
+            step = next(leading)
+        except StopIteration as end:
+            survey: Surveyed = end.value
+            break
+        if recorded:
+            bare.append(replace(step, observation=replace(step.observation, image=None, depth=None, extras={})))
+        yield step
+    files = {str(path.relative_to(log.folder)): path.read_bytes() for path in sorted(log.folder.rglob("*"))
+             if path not in before and path.is_file() and ".tmp-" not in path.name}
+    built = replace(parts, odometry=ungated, **dict.fromkeys(LATER))  # type: ignore[arg-type]
+    return SharedSurvey(built, parts.odometry, survey, tuple(bare), files, log.table.partial.read_text("utf-8"),
+                        dict(log.counts), log.began_s, log.stamp_s, time.perf_counter() - context.began_s,
+                        frozenset(context.drawn()))

@@ -62,6 +62,8 @@ class Surroundings:
         self.behind_s = np.full((cells, cells), -np.inf)  # when a view last showed the face of something low before a cell
         self.since_s = np.full((cells, cells), np.inf)  # when the layer below first saw what stands there
         self.came_s = np.full((cells, cells), np.inf)  # of such cells: when last; inf: what was always there
+        self._times = {-np.inf: (self.seen_s, self.below_s, self.floor_s, self.behind_s, *self.free_s),
+                       np.inf: (self.came_s, self.since_s)}
         self.scan: Scan | None = None  # of the last view
         self.sight: Scan | None = None  # the widest measured scan of the last view
         self.map_m: np.ndarray | None = None  # (K, 2) what the map knows near the robot, in its body frame; None: it is lost
@@ -165,10 +167,9 @@ class Surroundings:
         """Nothing was seen yet."""
         for layer in (self.at_eye, self.below):
             layer.votes[:] = 0.0
-        self.seen_s[:] = self.below_s[:] = self.floor_s[:] = self.behind_s[:] = -np.inf
-        self.came_s[:] = self.since_s[:] = np.inf
-        for free_s in self.free_s:
-            free_s[:] = -np.inf
+        for never_s, arrays in self._times.items():
+            for array in arrays:
+                array[:] = never_s
 
     def forget_near(self, points_m: np.ndarray, within_m: float) -> bool:
         """Forget what stands near the points (K, 2) of the body frame. Whether anything did."""
@@ -207,20 +208,15 @@ class Surroundings:
         off = self.pose[:2, 3] - (self.at_eye.origin_m + 0.5 * SIDE_M)
         if np.abs(off).max() < KEPT_M:
             return
-        columns, rows = shift = np.rint(off / CELL_M).astype(int)
-        times = [(array, -np.inf) for array in (self.seen_s, self.below_s, self.floor_s, self.behind_s, *self.free_s)]
-        ages = [(array, np.inf) for array in (self.came_s, self.since_s)]
-        none = [(array, 0.0) for array in (self.at_eye.votes, self.below.votes, *self.ends.arrays)]
-        for array, empty in (*none, *ages, *times):
-            kept = np.full_like(array, empty)
-            height, width = array.shape
-            to_r, from_r = slice(max(0, -rows), height - max(0, rows)), slice(max(0, rows), height - max(0, -rows))
-            to_c, from_c = slice(max(0, -columns), width - max(0, columns)), slice(max(0, columns), width - max(0, -columns))
-            if abs(rows) < height and abs(columns) < width:
-                kept[to_r, to_c] = array[from_r, from_c]
-            array[:] = kept
+        by, size = np.rint(off / CELL_M).astype(int), len(self.seen_s)
+        columns, rows = np.clip(by, -size, size)
+        wide = max(abs(rows), abs(columns))
+        kept = slice(wide + rows, wide + rows + size), slice(wide + columns, wide + columns + size)
+        for empty, arrays in ((0.0, (self.at_eye.votes, self.below.votes, *self.ends.arrays)), *self._times.items()):
+            for array in arrays:
+                array[:] = np.pad(array, wide, constant_values=empty)[kept]
         for layer in (self.at_eye, self.below):
-            layer.origin_m = layer.origin_m + shift * CELL_M
+            layer.origin_m = layer.origin_m + by * CELL_M
 
     def _cells(self, points_m: np.ndarray) -> np.ndarray:
         """(K, 2) row and column of (K, 2) points of the frame."""
@@ -383,8 +379,7 @@ class Surroundings:
         rows, columns = self._cells(points_m).T
         beside = np.hypot(*(points_m - self.pose[:2, 3]).T) < self.radius_m + STEPS_M
         needed_s = np.where(beside, min(since_s, self.now_s - self.low_s), since_s)
-        unseen: np.ndarray = points_m[self.seen_s[rows, columns] < needed_s]
-        return unseen
+        return points_m[self.seen_s[rows, columns] < needed_s]
 
     def count_as_seen(self, points_m: np.ndarray) -> None:
         """These points (K, 2) of this frame were looked at and cannot be seen better; but what may be the rest of something

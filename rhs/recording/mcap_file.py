@@ -26,12 +26,6 @@ class _Zstd:
         return zstandard.ZstdCompressor(level=PACKING).compress(data)
 
 
-def _pack_soon() -> None:
-    from mcap import writer
-
-    writer.zstandard = _Zstd  # type: ignore[assignment]
-
-
 class _Indices:
     """The list of chunks that mcap's writer puts at the end of the file, as the bytes it ends up as: its own records are
     ten times larger, and there is one for each view or two."""
@@ -57,17 +51,17 @@ class McapWriter:
     """An MCAP file being written. Each chunk reaches the file when it is full; a crash costs the last one."""
 
     def __init__(self, path: Path, chunk_bytes: int = 1 << 20):
-        from mcap.writer import CompressionType, Writer
+        from mcap import writer
 
-        _pack_soon()
+        writer.zstandard = _Zstd  # type: ignore[assignment]
         self._path = Path(path)
         self._channels: dict[str, int] = {}
         self._closed = False
         self._file: Any = None
         with self._guarded():
             self._file = self._path.open("wb")
-            self._writer = Writer(self._file, chunk_size=chunk_bytes, compression=CompressionType.ZSTD,
-                                  enable_data_crcs=True)
+            self._writer = writer.Writer(self._file, chunk_size=chunk_bytes, compression=writer.CompressionType.ZSTD,
+                                         enable_data_crcs=True)
             self._writer._Writer__chunk_indices = _Indices()  # type: ignore[attr-defined]
             self._writer.start(profile="ros2", library="rhs")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ BLOCK_BYTES = 1 << 20
 (HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS,
  METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END) = range(1, 16)
 CHUNK_HEAD = struct.Struct("<QQQI")
+PACKINGS = re.compile(rb"\x04\0\0\0zstd|\x03\0\0\0lz4")  # as they stand behind that
 FOOTER_BYTES = 8 + 8 + 4
 DATA_END_BYTES = 4
 IN_DATA = (HEADER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA, DATA_END)
@@ -145,24 +147,20 @@ def unpacked_bytes(file: BinaryIO, size: int) -> int:
 
 def unpack(data: memoryview, compression: str, size: int) -> bytes:
     """Exactly `size` bytes of a compressed chunk; never more memory than that, whatever the data claim."""
-    if compression == "":
-        plain = bytes(data)
-    elif compression == "zstd":
-        import zstandard
+    import lz4.frame
+    import zstandard
 
-        try:
+    try:
+        if compression == "":
+            plain = bytes(data)
+        elif compression == "zstd":
             plain = zstandard.ZstdDecompressor().stream_reader(bytes(data)).read(size + 1)
-        except (zstandard.ZstdError, MemoryError) as error:
-            raise Damage("a chunk does not unpack", framed=True) from error
-    elif compression == "lz4":
-        import lz4.frame
-
-        try:
+        elif compression == "lz4":
             plain = lz4.frame.LZ4FrameDecompressor().decompress(bytes(data), max_length=size + 1)
-        except (RuntimeError, MemoryError) as error:
-            raise Damage("a chunk does not unpack", framed=True) from error
-    else:
-        raise Damage(f"a chunk is packed with {compression[:20]!r}; zstd, lz4 or nothing can be read", framed=True)
+        else:
+            raise Damage(f"a chunk is packed with {compression[:20]!r}; zstd, lz4 or nothing can be read", framed=True)
+    except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
+        raise Damage("a chunk does not unpack", framed=True) from error
     if len(plain) != size:
         raise Damage(f"a chunk unpacks to another length than the {size} bytes it claims", framed=True)
     return plain
@@ -170,31 +168,18 @@ def unpack(data: memoryview, compression: str, size: int) -> bytes:
 
 def find_chunk(file: BinaryIO, start: int, size: int) -> int | None:
     """Offset of the next plausible compressed chunk at or after `start`: a chunk's head whose lengths agree."""
-    words = ((b"\x04\x00\x00\x00zstd", 8), (b"\x03\x00\x00\x00lz4", 7))
-    before = 9 + CHUNK_HEAD.size
-    at = start
+    before, at = 9 + CHUNK_HEAD.size, start
     while at < size:
         file.seek(at)
         block = file.read(BLOCK_BYTES + 64)
-        found = [offset for word, width in words for offset in _plausible(block, word, width, limit=size - at)]
-        if found:
-            return at + min(found)
+        for word in PACKINGS.finditer(block, before):
+            head, end = word.start() - before, word.end()
+            if block[head] == CHUNK and end + 8 <= len(block):
+                (length,), (packed,) = (struct.unpack_from("<Q", block, where) for where in (head + 1, end))
+                if length == CHUNK_HEAD.size + len(word[0]) + 8 + packed and head + 9 + length <= size - at:
+                    return at + head
         at += BLOCK_BYTES + 64 - before - 16 if len(block) == BLOCK_BYTES + 64 else len(block)
     return None
-
-
-def _plausible(block: bytes, word: bytes, width: int, *, limit: int) -> Iterator[int]:
-    before = 9 + CHUNK_HEAD.size
-    at = block.find(word, before)
-    while at >= 0:
-        head = at - before
-        if block[head] == CHUNK and at + width + 8 <= len(block):
-            (length,) = struct.unpack_from("<Q", block, head + 1)
-            (packed,) = struct.unpack_from("<Q", block, at + width)
-            if length == CHUNK_HEAD.size + width + 8 + packed and head + 9 + length <= limit:
-                yield head
-                return
-        at = block.find(word, at + 1)
 
 
 def text_at(body: bytes | memoryview, at: int) -> tuple[str, int]:

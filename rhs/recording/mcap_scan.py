@@ -150,7 +150,10 @@ class _Scan:
                     yield item
                 offset += 9 + length
                 if opcode == FOOTER:
-                    return self._end(offset)
+                    self._file.seek(offset)
+                    self._report.finished = self._file.read(len(MAGIC)) == MAGIC
+                    self._report.cut_at = None if self._report.finished else offset
+                    return
             except Damage as damage:
                 offset = self._after(damage, offset, length)
 
@@ -236,12 +239,6 @@ class _Scan:
 
     # --- ends and damage ---------------------------------------------------------------------------------------------
 
-    def _end(self, offset: int) -> None:
-        self._file.seek(offset)
-        self._report.finished = self._file.read(len(MAGIC)) == MAGIC
-        if not self._report.finished:
-            self._report.cut_at = offset
-
     def _after(self, damage: Damage, offset: int, length: int) -> int | None:
         """Where to go on after a damaged record: behind it when its length is believable, else at the next chunk; None:
         nothing more to read."""
@@ -276,9 +273,6 @@ class _Scan:
         if crc and zlib.crc32(footer[: 9 + 16], zlib.crc32(summary)) != crc:
             self._report.damage.append("the index's checksum is wrong; read without it")
             return
-        self._read_descriptions(summary)
-
-    def _read_descriptions(self, summary: bytes) -> None:
         try:
             for opcode, body in records_in(summary):
                 if opcode in (SCHEMA, CHANNEL):

@@ -81,9 +81,10 @@ class Reading:
             topic = message.channel.topic
             if topic == STEP:
                 plain, parts = json.loads(ros.deserialize(message.data, "std_msgs/msg/String").data), {}
+                awaited = [*(PARTS[name] for name in plain["holds"]), *(EXTRA + name for name in plain.get("extras", {}))]
             elif plain is not None and (topic in PARTS.values() or topic.startswith(EXTRA)):
                 parts[topic] = message
-            if plain is not None and all(topic in parts for topic in _awaited(plain)):
+            if plain is not None and all(topic in parts for topic in awaited):
                 yield _view(plain, parts)
                 plain = None
 
@@ -130,11 +131,6 @@ def facts_of(plain: dict[str, Any]) -> WorldFacts:
                       float(plain["robot_radius_m"]),
                       footprint_of((plain.get("footprint") or {}).get("corners_m", ()), "footprint"),
                       bool(plain.get("bounds_known", True)))
-
-
-def _awaited(plain: dict[str, Any]) -> list[str]:
-    """The topics that belong to a view."""
-    return [*(PARTS[name] for name in plain["holds"]), *(EXTRA + name for name in plain.get("extras", {}))]
 
 
 def _extras(plain: dict[str, Any], parts: dict[str, Message]) -> dict[str, np.ndarray]:

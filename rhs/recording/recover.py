@@ -9,7 +9,8 @@ from rhs.base.errors import RecordingError
 
 from .mcap_file import McapWriter
 from .mcap_records import Note
-from .mcap_scan import Report, open_scan, scan
+from .mcap_scan import Report, scan
+from .reader import Reading
 
 
 def recover(source: Path, target: Path) -> tuple[Report, int]:
@@ -17,8 +18,7 @@ def recover(source: Path, target: Path) -> tuple[Report, int]:
 
     The new file is read back before it gets its name. Attachments are not copied.
     """
-    file, report = open_scan(source)
-    file.close()
+    report = Reading(source).report
 
     def write(path: Path) -> None:
         writer = McapWriter(path)
@@ -39,8 +39,7 @@ def recover(source: Path, target: Path) -> tuple[Report, int]:
 
 
 def _check(path: Path, expected: int) -> None:
-    file, report = open_scan(path)
-    file.close()
-    count = sum(not isinstance(item, Note) for item in scan(path, report))
-    if count != expected or not report.whole:
+    reading = Reading(path)
+    count = sum(1 for _ in reading)
+    if count != expected or not reading.report.whole:
         raise RecordingError(f"{path} reads back as {count} of {expected} messages; the disk may be failing")

@@ -69,7 +69,12 @@ class LiveView:
         self._ways: dict[str, list[np.ndarray]] = {}
         self._plan: object = None
         try:
-            self._connect(where)
+            if where == "viewer":
+                self._stream.spawn()
+            elif where.endswith(".rrd"):
+                self._stream.save(Path(where))
+            else:
+                self._stream.connect_grpc(where)
         except Exception as error:  # rerun has no error type of its own
             raise RhsError(f"live={where}: cannot reach the viewer: {str(error).splitlines()[0]}") from error
         self._log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -77,14 +82,6 @@ class LiveView:
                                                           mat3x3=camera.body_from_camera[:3, :3]), static=True)
         self._log("world/robot/camera", rerun.Pinhole(image_from_camera=camera.matrix, width=camera.width,
                                                       height=camera.height), static=True)
-
-    def _connect(self, where: str) -> None:
-        if where == "viewer":
-            self._stream.spawn()
-        elif where.endswith(".rrd"):
-            self._stream.save(Path(where))
-        else:
-            self._stream.connect_grpc(where)
 
     def step(self, step: Step) -> None:
         """Show one step."""
@@ -137,8 +134,8 @@ def _hits(step: Step) -> np.ndarray:
     assert scan is not None
     seen = np.isfinite(scan.ranges_m)
     bearing, reach = scan.bearings_rad[seen], scan.ranges_m[seen]
-    x, y = scan.origin_xy_m[0] + reach * np.cos(bearing), scan.origin_xy_m[1] + reach * np.sin(bearing)
-    return np.stack([x, y, np.full(len(x), step.observation.camera.height_m)], axis=1)
+    ends = scan.origin_xy_m + reach[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+    return _raised(ends, step.observation.camera.height_m)
 
 
 def _raised(points_m: np.ndarray, height_m: float) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rhs.api.geometry import Camera, quaternion_xyzw
+from rhs.api.geometry import Camera, quaternion_xyzw, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.packed_pictures import png_of
 from rhs.api.records import Scan, Twist
@@ -126,19 +126,11 @@ def transforms(stamp_ns: int, edges: list[tuple[str, str, np.ndarray]]) -> Any:
 
 def path(points_m: np.ndarray, stamp_ns: int, frame: str) -> Any:
     """nav_msgs/Path through (N, 2) points, each heading for the next."""
-    poses = [make("geometry_msgs/msg/PoseStamped", header=header(stamp_ns, frame), pose=p)
-             for p in _path_poses(points_m)]
-    return make("nav_msgs/msg/Path", header=header(stamp_ns, frame), poses=poses)
-
-
-def _path_poses(points_m: np.ndarray) -> list[Any]:
-    from rhs.api.geometry import se2
-
     points = np.asarray(points_m, float).reshape(-1, 2)
-    steps = np.diff(points, axis=0)
-    yaws = np.arctan2(steps[:, 1], steps[:, 0]) if len(steps) else np.zeros(0)
-    yaws = np.append(yaws, yaws[-1:] if len(yaws) else [0.0])
-    return [pose(se2(x, y, yaw)) for (x, y), yaw in zip(points, yaws[: len(points)], strict=True)]
+    yaws = np.arctan2(*np.diff(points, axis=0).T[::-1])
+    yaws = np.append(yaws, yaws[-1:] if len(yaws) else 0.0)  # there the last one stays
+    poses = [pose_stamped(se2(x, y, yaw), stamp_ns, frame) for (x, y), yaw in zip(points, yaws, strict=False)]
+    return make("nav_msgs/msg/Path", header=header(stamp_ns, frame), poses=poses)
 
 
 def occupancy_grid(grid: OccupancyGrid, stamp_ns: int, frame: str) -> Any:
@@ -168,18 +160,16 @@ def compressed_image(image: np.ndarray, stamp_ns: int, frame: str, *, jpeg: int 
     for bit. jpeg: in its place a JPEG of that quality in per cent."""
     import cv2
 
-    if jpeg:
-        _, packed = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, jpeg])
-        return make("sensor_msgs/msg/CompressedImage", header=header(stamp_ns, frame), format="jpeg", data=packed.ravel())
-    if (data := png_of(image)) is not None:
-        return make("sensor_msgs/msg/CompressedImage", header=header(stamp_ns, frame), format="png",
-                    data=np.frombuffer(data, np.uint8))
-    # filtered, not packed: zstd packs the chunk it comes to lie in as small as zlib would, ten times sooner
-    how = [cv2.IMWRITE_PNG_COMPRESSION, 0, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB]
-    done, png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), how)
-    if not done:
-        raise ValueError("OpenCV could not encode the image as PNG")
-    return make("sensor_msgs/msg/CompressedImage", header=header(stamp_ns, frame), format="png", data=png.ravel())
+    kind = "jpeg" if jpeg else "png"
+    if not jpeg and (data := png_of(image)) is not None:
+        packed = np.frombuffer(data, np.uint8)
+    else:  # PNG filtered, not packed: zstd packs the chunk it comes to lie in as small as zlib would, ten times sooner
+        how = [cv2.IMWRITE_JPEG_QUALITY, jpeg] if jpeg else \
+            [cv2.IMWRITE_PNG_COMPRESSION, 0, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB]
+        done, packed = cv2.imencode(f".{kind}", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), how)
+        if not done:
+            raise ValueError(f"OpenCV could not encode the image as {kind.upper()}")
+    return make("sensor_msgs/msg/CompressedImage", header=header(stamp_ns, frame), format=kind, data=packed.ravel())
 
 
 def depth_image(depth_m: np.ndarray, stamp_ns: int, frame: str) -> Any:
@@ -193,12 +183,10 @@ def laser_scan(scan: Scan, stamp_ns: int, frame: str) -> Any:
     """LaserScan: as it is where bearings are evenly spaced, else the nearest beam on an even grid (for viewers)."""
     order = np.argsort(scan.bearings_rad, kind="stable")
     bearings, ranges = scan.bearings_rad[order], scan.ranges_m[order]
-    even = np.linspace(bearings[0], bearings[-1], len(bearings)) if len(bearings) else bearings
-    if len(even) > 1:
-        nearest = np.searchsorted(0.5 * (bearings[1:] + bearings[:-1]), even)
-        ranges = ranges[nearest]
-    step = float(even[1] - even[0]) if len(even) > 1 else 0.0
-    first, last = (float(even[0]), float(even[-1])) if len(even) else (0.0, 0.0)
+    first, last, step = (float(bearings[0]), float(bearings[-1]), 0.0) if len(bearings) else (0.0, 0.0, 0.0)
+    if len(bearings) > 1:
+        even = np.linspace(first, last, len(bearings))
+        ranges, step = ranges[np.searchsorted(0.5 * (bearings[1:] + bearings[:-1]), even)], float(even[1] - even[0])
     return make("sensor_msgs/msg/LaserScan", header=header(stamp_ns, frame), angle_min=first, angle_max=last,
                 angle_increment=step, time_increment=0.0, scan_time=0.0, range_min=0.0,
                 range_max=float(scan.max_range_m), ranges=ranges.astype(np.float32),

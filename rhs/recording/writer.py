@@ -62,8 +62,7 @@ class Recorder:
             self._put("/tf_static", ros.transforms(self._stamp_ns, [("body", "camera", self._camera.body_from_camera)]))
         put_view(self._writer, self._camera, step.observation, plain=step_to_plain(step),
                  images=self._level in WITH_IMAGES, jpeg=JPEG_QUALITY if self._level == "jpeg" else 0)
-        self._put_readings(step, self._stamp_ns)
-        self._put_estimates(step, self._stamp_ns)
+        self._put_rest(step, self._stamp_ns)
         self._writer.flush()
 
     def map(self, grid: OccupancyGrid, stamp_s: float) -> None:
@@ -83,15 +82,14 @@ class Recorder:
         if self._writer is not None:
             self._writer.put(topic, message, self._stamp_ns)
 
-    def _put_readings(self, step: Step, t: int) -> None:
+    def _put_rest(self, step: Step, t: int) -> None:
+        """Readings and estimates, for viewers."""
         if step.scan is not None:
             self._put("/scan", ros.laser_scan(step.scan, t, "body"))
         if step.observation.wheel is not None:
             self._put("/wheel", ros.travel(step.observation.wheel, t, "body"))
         if step.command is not None:
             self._put("/command", ros.twist(step.command, t, "body"))
-
-    def _put_estimates(self, step: Step, t: int) -> None:
         belief, motion = step.belief, step.motion
         self._odom_from_body = self._odom_from_body @ motion.previous_from_body
         edges = [("map", "odom", belief.map_from_body @ inverse(self._odom_from_body)),

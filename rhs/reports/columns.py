@@ -30,10 +30,11 @@ def read_columns(sweep: Path, paths: Sequence[Path], complaints: list[str]) -> p
     except ImportError:
         return None
     torn: list[str] = []
-    text = "\n".join(shards.last_texts(shards.shards(sweep), torn).values()).encode()
+    last = {shards.key_of(line): line for path in shards.shards(sweep) for line in shards.lines_of(path, torn)}
+    text = "\n".join(last.values()).encode()
     try:
         lines = pyarrow.json.read_json(pa.BufferReader(text), read_options=pyarrow.json.ReadOptions(block_size=4 << 20))
-        del text
+        del text, last
         table = _table(lines, sweep, {path.parent.name for path in paths if path.name == "row.json"})
     except (pa.ArrowException, KeyError, OverflowError):
         return None

@@ -16,6 +16,7 @@ import re
 import shutil
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from rhs.base.errors import ConfigError, RhsError
@@ -38,10 +39,8 @@ class Claim:
         """From now on `folder` is a new one inside the claimed one, until `publish`."""
         attempt = self._home / f".attempt-{os.getpid()}"
         shutil.rmtree(attempt, ignore_errors=True)  # of a dead process with our number
-        try:
+        with _writing_into(attempt):
             attempt.mkdir()
-        except OSError as error:
-            raise _unwritable(attempt, error) from error
         self._locks.append(lock(attempt))
         self.folder = attempt
 
@@ -149,10 +148,8 @@ def job_folder(sweep: Path, name: str) -> Path:
 
 def lock(folder: Path) -> int:
     """The open lock of a folder. Raises ConfigError when somebody else has it, or nobody can."""
-    try:
+    with _writing_into(folder):
         descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | NONBLOCK, 0o644)
-    except OSError as error:
-        raise _unwritable(folder, error) from error
     end = time.monotonic() + PATIENCE_S
     while True:
         try:
@@ -221,10 +218,8 @@ def _now() -> str:
 
 
 def _holds(folder: Path, name: str) -> bool:
-    try:
+    with _writing_into(folder):  # a name may be too long for the file system
         return (folder / name).exists()
-    except OSError as error:  # a name too long for the file system
-        raise _unwritable(folder, error) from error
 
 
 def _claim_new(parent: Path, name: str) -> Claim:
@@ -232,12 +227,11 @@ def _claim_new(parent: Path, name: str) -> Claim:
     made = _make(parent.absolute())
     for attempt in range(1, 1000):
         folder = parent.absolute() / (name if attempt == 1 else f"{name}_{attempt}")
-        try:
-            folder.mkdir()
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise _unwritable(folder, error) from error
+        with _writing_into(folder):
+            try:
+                folder.mkdir()
+            except FileExistsError:
+                continue
         return _claim(folder, [folder, *made])
     raise ConfigError(f"{parent} already holds a thousand folders named {name}; type output=FOLDER")
 
@@ -252,24 +246,24 @@ def _make(folder: Path) -> list[Path]:
     if shown(str(folder)) != str(folder):
         raise ConfigError(f"{shown(str(folder))}: this locale cannot read the folder's name; set PYTHONUTF8=1, or take "
                           "another by output=FOLDER")
-    try:
+    with _writing_into(folder):
         made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _unwritable(folder, error) from error
     return made
 
 
 def _claim(folder: Path, made: list[Path] | None = None) -> Claim:
     made = _make(folder) if made is None else made
-    try:
-        with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(b"x")
-    except OSError as error:
-        raise _unwritable(folder, error) from error
+    with _writing_into(folder), tempfile.TemporaryFile(dir=folder) as probe:
+        probe.write(b"x")
     return Claim(folder, lock(folder), made)
 
 
-def _unwritable(folder: Path, error: OSError) -> ConfigError:
-    shown = str(folder) if len(str(folder)) < 100 else f"{str(folder)[:97]}..."
-    return ConfigError(f"cannot write into {shown}: {error.strerror}; choose another by output=FOLDER")
+@contextlib.contextmanager
+def _writing_into(folder: Path) -> Iterator[None]:
+    """Inside, what the system refuses is a ConfigError."""
+    try:
+        yield
+    except OSError as error:
+        shown = str(folder) if len(str(folder)) < 100 else f"{str(folder)[:97]}..."
+        raise ConfigError(f"cannot write into {shown}: {error.strerror}; choose another by output=FOLDER") from error

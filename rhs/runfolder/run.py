@@ -124,8 +124,7 @@ class Run:
         """What the function returns, kept under the key."""
         if key not in self._known:
             self._known[key] = function()
-        result: Result = self._known[key]
-        return result
+        return self._known[key]
 
 
 def load_run(folder: Path | str) -> Run:

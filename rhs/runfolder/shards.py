@@ -140,11 +140,6 @@ def lines_of(path: Path, broken: list[str]) -> Iterator[str]:
         broken.append(f"{path}: {torn} line{'s are' if torn > 1 else ' is'} torn")
 
 
-def last_texts(paths: Sequence[Path], broken: list[str]) -> dict[str, str]:
-    """Key of the words -> the text of the last whole line of it, in shards given oldest first."""
-    return {key_of(text): text for path in paths for text in lines_of(path, broken)}
-
-
 def from_rows(paths: Sequence[Path], broken: list[str], of: Callable[[Line], Value]) -> dict[str, Value]:
     """Key of the words -> what `of` takes from the last whole line of it. One line is in memory at a time; complaints go
     into `broken`."""

@@ -36,7 +36,9 @@ TUM_HEADER = "# stamp_s x_m y_m z_m qx qy qz qw\n"
 def step_row(step: Step) -> dict[str, object]:
     """One row of steps.csv: what was believed, what was true, how long each stage took."""
     x, y, yaw = planar(step.belief.map_from_body)
-    sigma = np.sqrt(np.maximum(np.diag(world_covariance(step)), 0.0))
+    covariance, rotation = step.belief.covariance, step.belief.map_from_body[:3, :3]
+    position, turn = (rotation @ covariance[part, part] @ rotation.T for part in (slice(0, 3), slice(3, 6)))  # in the map
+    sigma = np.sqrt(np.maximum([position[0, 0], position[1, 1], turn[2, 2]], 0.0))
     true = planar(step.truth) if step.truth is not None else np.full(3, np.nan)
     command = step.command
     row: dict[str, object] = {
@@ -59,15 +61,6 @@ def step_row(step: Step) -> dict[str, object]:
     return row
 
 
-def world_covariance(step: Step) -> np.ndarray:
-    """(3, 3) covariance of x, y, yaw in the map frame, from the belief's covariance in the body frame."""
-    covariance = step.belief.covariance
-    rotation = step.belief.map_from_body[:3, :3]
-    position = rotation @ covariance[:3, :3] @ rotation.T
-    turn = rotation @ covariance[3:, 3:] @ rotation.T
-    return np.diag([position[0, 0], position[1, 1], turn[2, 2]])
-
-
 class StepTable:
     """Takes the steps of a run, in order, and leaves steps.csv, estimate.tum, patrol.tum and the truth beside them."""
 
@@ -81,23 +74,21 @@ class StepTable:
 
     def add(self, step: Step) -> None:
         """Append one step; it survives a killed process."""
-        lines = {name: tum_line(step.stamp_s, pose) for name, pose in _poses(step)}
-        self.add_row(step_row(step), lines)
+        names = TRAJECTORIES.get(step.phase, TRAJECTORIES["patrol"])
+        poses = zip(names, (step.belief.map_from_body, step.truth), strict=True)
+        self.add_row(step_row(step), {name: tum_line(step.stamp_s, pose) for name, pose in poses if pose is not None})
 
     def add_row(self, row: Mapping[str, object], lines: Mapping[str, str]) -> None:
         """Append a row of steps.csv and the lines of the trajectories that belong to it."""
-        self._write(json.dumps([row, lines]) + "\n")
+        self.add_rows(json.dumps([row, lines]) + "\n")
 
-    def _write(self, text: str) -> None:
+    def add_rows(self, rows: str) -> None:
+        """Append rows as they stand in the partial file of a table."""
         try:
-            self._file.write(text)
+            self._file.write(rows)
             self._file.flush()
         except OSError as error:
             raise RhsError(f"cannot write {self.partial}: {error.strerror or error} ({free_space(self.partial)})") from error
-
-    def add_rows(self, rows: str) -> None:
-        """Begin with all that is in the partial file of another table."""
-        self._write(rows)
 
     def close(self) -> None:
         """Give the files their final names."""
@@ -138,14 +129,6 @@ def _whole_rows(partial: Path) -> Iterator[tuple[dict[str, object], dict[str, st
             except ValueError:
                 return
             yield row, lines
-
-
-def _poses(step: Step) -> list[tuple[str, np.ndarray]]:
-    believed, true = TRAJECTORIES.get(step.phase, TRAJECTORIES["patrol"])
-    poses = [(believed, step.belief.map_from_body)]
-    if step.truth is not None:
-        poses.append((true, step.truth))
-    return poses
 
 
 def _plain(row: dict[str, object]) -> dict[str, object]:

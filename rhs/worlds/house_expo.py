@@ -33,15 +33,11 @@ def floor_in(path: Path) -> OccupancyGrid | None:
         corners = np.zeros(0)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
         raise ConfigError(f"{path}: verts are no corners; expected at least three [x, y], metres (HouseExpo)")
-    return _filled(corners, path)
-
-
-def _filled(corners_m: np.ndarray, path: Path) -> OccupancyGrid:
-    low = corners_m.min(axis=0) - MARGIN_CELLS * CELL_M
-    columns, rows = (np.ceil((corners_m.max(axis=0) - low) / CELL_M).astype(int) + MARGIN_CELLS).tolist()
+    low = corners.min(axis=0) - MARGIN_CELLS * CELL_M
+    columns, rows = (np.ceil((corners.max(axis=0) - low) / CELL_M).astype(int) + MARGIN_CELLS).tolist()
     if rows * columns > MOST_CELLS:
         raise ConfigError(f"{path}: its verts span {columns * CELL_M:.0f} x {rows * CELL_M:.0f} m; expected metres")
-    free = inside((corners_m - low) / CELL_M, (rows, columns))
+    free = inside((corners - low) / CELL_M, (rows, columns))
     return OccupancyGrid(np.where(free, 0.0, 1.0).astype(np.float32), CELL_M, (float(low[0]), float(low[1])))
 
 

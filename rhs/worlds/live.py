@@ -85,7 +85,6 @@ class Walk:
                     return
 
 
-
 @dataclass(frozen=True)
 class Stand:
     """Where a shape is: x, y, height of its underside, yaw."""

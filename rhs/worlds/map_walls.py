@@ -125,7 +125,9 @@ def outlines(room: np.ndarray) -> list[np.ndarray]:
         loop, before = [], (0, 0)
         while True:
             ends = ahead[at]
-            turn = ends[0] if len(ends) == 1 else _leftmost(before, at, ends)
+            turn = ends[0]
+            if len(ends) > 1:  # where two rooms touch at a corner the outline stays with the cell it follows: leftmost
+                turn = max(ends, key=lambda end: before[0] * (end[1] - at[1]) - before[1] * (end[0] - at[0]))
             ends.remove(turn)
             if not ends:
                 del ahead[at]
@@ -154,11 +156,6 @@ def _sides(room: np.ndarray) -> dict[tuple[int, int], list[tuple[int, int]]]:
         for row, column in np.argwhere(inside & ~beyond).tolist():
             ahead.setdefault((column + ax, row + ay), []).append((column + bx, row + by))
     return ahead
-
-
-def _leftmost(before: tuple[int, int], at: tuple[int, int], ends: list[tuple[int, int]]) -> tuple[int, int]:
-    """Where two rooms touch at a corner the outline stays with the cell it follows."""
-    return max(ends, key=lambda end: before[0] * (end[1] - at[1]) - before[1] * (end[0] - at[0]))
 
 
 def simplified(loop: np.ndarray) -> np.ndarray:

@@ -153,8 +153,7 @@ def small_marks(probability: np.ndarray, most: float) -> np.ndarray:
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(taken.astype(np.uint8), connectivity=8)
     small = (boxes[:, cv2.CC_STAT_WIDTH] < most) & (boxes[:, cv2.CC_STAT_HEIGHT] < most)
     small[0] = False  # the free cells
-    marks: np.ndarray = np.where(small[labels], labels, 0)
-    return marks
+    return np.where(small[labels], labels, 0)
 
 
 def writing_in(grid: OccupancyGrid, most_m: float = 1.0) -> int:

@@ -184,9 +184,7 @@ def _resolver(path: Path) -> Any:
             self.missing.append(last or "a file without a name")
             raise ConfigError(f"{path}: {plain} is not there")
 
-    resolver = Beside(str(path))
-    resolver.missing = []
-    return resolver
+    return Beside(str(path))
 
 
 def _part(geometry: Any) -> Part:

@@ -110,14 +110,13 @@ def _up(mesh: MeshFile, size: np.ndarray, said: list[str]) -> str:
     format does not tell, and where a building would be higher than deep: programs write z up into formats whose y is up. One
     that would be as deep as a storey is high lies on its side, and is stood up."""
     thin = "y" if size[1] < size[2] else "z"
-    up = mesh.up or thin
-    if up not in ("y", "z"):
-        return up
-    if mesh.up is None and up == "y":
-        said.append("taken with y up (for another write up: z in a world file)")
-    height, other = (size[1], size[2]) if up == "y" else (size[2], size[1])
     if mesh.up is None:
+        if thin == "y":
+            said.append("taken with y up (for another write up: z in a world file)")
+        return thin
+    if (up := mesh.up) not in ("y", "z"):
         return up
+    height, other = (size[1], size[2]) if up == "y" else (size[2], size[1])
     what = f"the format's {up} is up: {height:.4g} high, {size[0]:.4g} x {other:.4g} wide"
     level, across = _level(mesh.parts), "z" if up == "y" else "y"
     if height > LYING * other and mesh.unit_m is not None and STOREY_M[0] <= other * mesh.unit_m <= STOREY_M[1]:
@@ -216,15 +215,9 @@ def leaning_m(corners: np.ndarray) -> float:
     if not lowest.any():
         return 0.0
     up = (across * np.sign(across[:, 2:]))[lowest]
-    slopes = [_middle(up[:, k] / up[:, 2], up[:, 2]) for k in (0, 1)]  # of most of it: a ramp is no floor that leans
+    # of most of it, by the median: a ramp is no floor that leans
+    slopes = [np.quantile(up[:, k] / up[:, 2], 0.5, weights=up[:, 2], method="inverted_cdf") for k in (0, 1)]
     return float(np.linalg.norm(slopes)) * wide_m
-
-
-def _middle(values: np.ndarray, weights: np.ndarray) -> float:
-    """The weighted median of (N,) values."""
-    order = np.argsort(values)
-    below = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
 
 
 def _spots(triangles: np.ndarray, shape: tuple[int, int], origin: tuple[float, float]) -> np.ndarray:
@@ -243,9 +236,7 @@ def camera_m(corners: np.ndarray) -> float:
     upright = (steep < UPRIGHT) & (corners[..., 2].max(axis=1) > STEP_M)
     if not upright.any():
         return CAMERA_M
-    tops, weights = corners[upright][..., 2].max(axis=1), area[upright]
-    order = np.argsort(tops)
-    reached = tops[order][np.searchsorted(np.cumsum(weights[order]), 0.9 * weights.sum())]
+    reached = np.quantile(corners[upright][..., 2].max(axis=1), 0.9, weights=area[upright], method="inverted_cdf")
     return float(np.clip(0.05 * np.floor(0.6 * reached / 0.05 + 1e-9), 0.15, CAMERA_M))
 
 

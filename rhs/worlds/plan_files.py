@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.files import replacing, write_whole
+from rhs.api.frozen import freeze
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Path, PlanningProblem, PlanReason
 from rhs.worlds.maps import load_map, save_map
@@ -32,12 +33,9 @@ class Question:
 
     def problem(self) -> PlanningProblem:
         """A copy of the problem of its own, whose arrays are read-only."""
-        about = json.loads(self.about)
-        arrays = [np.frombuffer(self.blocked, bool).reshape(self.shape).copy(),
-                  np.array(about["start_m"]), np.array(about["goal_m"])]
-        for array in arrays:
-            array.setflags(write=False)
-        return PlanningProblem(arrays[0], self.resolution_m, self.origin_m, arrays[1], arrays[2])
+        about, blocked = json.loads(self.about), np.frombuffer(self.blocked, bool).reshape(self.shape).copy()
+        return freeze(PlanningProblem(blocked, self.resolution_m, self.origin_m, np.array(about["start_m"]),
+                                      np.array(about["goal_m"])))
 
 
 def question_of(arena: Arena, *, start_radius_m: float = 0.3) -> Question:

@@ -70,8 +70,7 @@ def past_start(route_m: np.ndarray) -> np.ndarray:
             break
         points.append(b)
         left -= length
-    out: np.ndarray = np.array(points)
-    return out
+    return np.array(points)
 
 
 def aside_m(points: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from rhs.api.floorplan import Person
+from rhs.api.geometry import se3
 from rhs.base.errors import ConfigError
 
 from .gazebo import as_saved, downloaded, fetched, installed, is_robot, person_of
@@ -124,11 +125,9 @@ def _actor(scene: Scene, actor: Element, placed: np.ndarray, path: Path) -> None
     if person is not None:
         scene.people.append(person)
         return
-    up = np.eye(4)
-    up[2, 3] = 0.5 * ACTOR_M[1]
     feet = placed @ pose_of(actor, path)
     feet[2, 3] = 0.0
-    scene.parts.append(cylinder(*ACTOR_M).moved(feet @ up))
+    scene.parts.append(cylinder(*ACTOR_M).moved(feet @ se3(np.eye(3), np.array([0.0, 0.0, 0.5 * ACTOR_M[1]]))))
 
 
 def _scale(element: Element, key: str, path: Path) -> np.ndarray:

@@ -63,11 +63,11 @@ def _of_quads(quads: np.ndarray) -> Part:
     return part(corners, np.tile(uv, (len(quads), 1, 1)))
 
 
-def cylinder(radius_m: float, length_m: float) -> Part:
-    """A cylinder about the origin, upright, SIDES faces; its corners lie on it."""
+def cylinder(radius_m: float, length_m: float, top: float = 1.0) -> Part:
+    """A cylinder about the origin, upright, SIDES faces; its corners lie on it. top: share of the radius; 0: a cone."""
     turn = 2.0 * np.pi * np.arange(SIDES + 1) / SIDES
     ring, half = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1), 0.5 * length_m
-    low, high = (np.column_stack([ring, np.full(SIDES + 1, z)]) for z in (-half, half))
+    low, high = (np.column_stack([share * ring, np.full(SIDES + 1, z)]) for share, z in ((1.0, -half), (top, half)))
     sides = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
     lids = [np.stack([end[:-1], end[1:], np.broadcast_to([0.0, 0.0, end[0, 2]], (SIDES, 3))], axis=1) for end in (low, high)]
     return part(np.concatenate([_of_quads(sides).corners_m, *lids]))

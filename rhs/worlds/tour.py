@@ -151,10 +151,10 @@ class Ground:
         """Eight neighbours; a metre costs 1 in the open and up to 2.5 along a wall."""
         from scipy.sparse import coo_array
 
-        self.price = 1.0 + 1.5 * np.clip(1.0 - (self.clearance_m - self.need_m) / ROOMY_M, 0.0, 1.0)
+        room_m = self.clearance_m[self.reached] - self.need_m
+        self.price = 1.0 + 1.5 * np.clip(1.0 - room_m / ROOMY_M, 0.0, 1.0)  # of each node
         one, other, apart = neighbours(self.reached)
-        price = self.price[self.reached]
-        cost = 0.5 * (self.grid.resolution_m * apart) * (price[one] + price[other])
+        cost = 0.5 * (self.grid.resolution_m * apart) * (self.price[one] + self.price[other])
         count = len(self.cells)
         return coo_array((np.r_[cost, cost], (np.r_[one, other], np.r_[other, one])), shape=(count, count)).tocsr()
 
@@ -170,7 +170,7 @@ class Ground:
     def _that_see(self, missing: np.ndarray, least: int, *, inside: int = 1) -> list[int]:
         """Nodes that see what is missing (squares,), each `least` of the squares or more that no other does, most first by
         the price of their ground; one that lies in what is missing counts so many times."""
-        price, own = self.price[self.reached][self.spots], self._square(self.cells[self.spots].T)
+        price, own = self.price[self.spots], self._square(self.cells[self.spots].T)
         missing, chosen = missing.copy(), list[int]()
         taken = (self.sees & missing).sum(axis=1)
         while True:
@@ -191,8 +191,7 @@ class Ground:
         order = np.lexsort((np.arange(len(square)), -room, square))
         _, first = np.unique(square[order], return_index=True)
         _, self.spot_of = np.unique(square, return_inverse=True)
-        spots: np.ndarray = order[first]
-        return spots
+        return order[first]
 
     def _sight_m(self) -> float:
         """Large buildings are looked at in larger pieces: some hundred viewpoints at most."""
@@ -295,7 +294,7 @@ class Ground:
     def straightened(self, nodes: np.ndarray) -> np.ndarray:
         """(M, 2) metres: the way with its bends pulled straight where the robot fits and it is no dearer."""
         points = self.points_m[nodes]
-        price = self.price[self.reached][nodes]
+        price = self.price[nodes]
         lengths = np.hypot(*np.diff(points, axis=0).T)
         spent = np.r_[0.0, np.cumsum(0.5 * (price[1:] + price[:-1]) * lengths)]
         keep, waiting = {0, len(points) - 1}, [(0, len(points) - 1)]
@@ -354,7 +353,7 @@ class Ground:
         from scipy.sparse.csgraph import dijkstra
 
         gaps = dijkstra(self.graph, indices=self.home)[self.spots]
-        price = self.price[self.reached][self.spots]
+        price = self.price[self.spots]
         chosen: list[int] = []
         while len(chosen) < count and gaps.max() > 2.0 * self.need_m:
             chosen.append(int(self.spots[int(np.argmax(gaps / price))]))

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rhs.api.geometry import se3
 from rhs.base.errors import ConfigError
 
-from .soup import GREY, MOST_TRIANGLES, SIDES, Part, box, cylinder, part, sphere
+from .soup import GREY, MOST_TRIANGLES, Part, box, cylinder, part, sphere
 from .triangulate import triangulated
 
 TOKEN = re.compile(r'\s*(?:"((?:\\.|[^"\\])*)"|([{}\[\]])|([^\s{}\[\]"]+))')
@@ -231,17 +232,12 @@ def _inline(node: Node, matrix: np.ndarray, scene: Scene, inlined: int) -> None:
 def parent_from_child(node: Node) -> np.ndarray:
     """parent_from_child of a Transform: T C R SR S -SR -C (section 6.52)."""
     def shift(name: str, sign: float = 1.0) -> np.ndarray:
-        out = np.eye(4)
-        out[:3, 3] = sign * node.numbers(name, (0.0, 0.0, 0.0), width=3)[0]
-        return out
+        return se3(np.eye(3), sign * node.numbers(name, (0.0, 0.0, 0.0), width=3)[0])
 
     def turn(name: str, sign: float = 1.0) -> np.ndarray:
-        out = np.eye(4)
-        x, y, z, angle = node.numbers(name, (0.0, 0.0, 1.0, 0.0), width=4)[0]
-        length = float(np.linalg.norm((x, y, z)))
-        if length > 0.0:
-            out[:3, :3] = Rotation.from_rotvec(sign * angle / length * np.array([x, y, z])).as_matrix()
-        return out
+        *axis, angle = node.numbers(name, (0.0, 0.0, 1.0, 0.0), width=4)[0]
+        length = float(np.linalg.norm(axis)) or 1.0
+        return se3(Rotation.from_rotvec(sign * angle / length * np.array(axis)).as_matrix(), np.zeros(3))
 
     scale = np.diag([*node.numbers("scale", (1.0, 1.0, 1.0), width=3)[0], 1.0])
     centred = turn("rotation") @ turn("scaleOrientation") @ scale @ turn("scaleOrientation", -1.0)
@@ -274,9 +270,8 @@ def _geometry(node: Node, scene: Scene) -> Part | None:
     if node.kind == "Sphere":
         return sphere(float(node.numbers("radius", (1.0,))[0]))
     if node.kind in ("Cylinder", "Cone"):
-        radius = "bottomRadius" if node.kind == "Cone" else "radius"
-        made = cylinder if node.kind == "Cylinder" else _cone
-        return made(float(node.numbers(radius, (1.0,))[0]), float(node.numbers("height", (2.0,))[0])).moved(SWAP)
+        radius, top = ("bottomRadius", 0.0) if node.kind == "Cone" else ("radius", 1.0)
+        return cylinder(float(node.numbers(radius, (1.0,))[0]), float(node.numbers("height", (2.0,))[0]), top).moved(SWAP)
     if node.kind == "IndexedFaceSet":
         return _faces(node)
     if node.kind == "ElevationGrid":
@@ -284,13 +279,6 @@ def _geometry(node: Node, scene: Scene) -> Part | None:
     if node.kind not in LINES:
         scene.missing.append(node.kind)
     return None
-
-
-def _cone(radius_m: float, height_m: float) -> Part:
-    turn = 2.0 * np.pi * np.arange(SIDES + 1) / SIDES
-    ring = np.column_stack([radius_m * np.cos(turn), radius_m * np.sin(turn), np.full(SIDES + 1, -0.5 * height_m)])
-    ends = [np.broadcast_to([0.0, 0.0, z], (SIDES, 3)) for z in (-0.5 * height_m, 0.5 * height_m)]
-    return part(np.concatenate([np.stack([ring[:-1], ring[1:], end], axis=1) for end in ends]))
 
 
 def _elevation(node: Node) -> Part:

@@ -145,8 +145,8 @@ def _world(path: Path, file: Section, building: Building | None = None) -> World
         camera_height_m=file.number("camera_height_m", 1.2 if building is None else building.camera_height_m,
                                     low=0.1, high=3.0),
         walls=walls,
-        boxes=tuple(b for _, boxes in walls_and_pilasters for b in boxes) + _boxes(file, "boxes"),
-        obstacles=_boxes(file, "obstacles"),
+        boxes=(*(b for _, boxes in walls_and_pilasters for b in boxes), *map(_box, file.sections("boxes"))),
+        obstacles=tuple(map(_box, file.sections("obstacles"))),
         places=tuple((name, *_point(places, name)) for name in places.keys()),
         route_m=file.points("route_m") if building is None or "route_m" in file.nodes else np.zeros((0, 2)),
         paintings=_paintings(file.section("paintings")),
@@ -205,22 +205,16 @@ def _pilasters(wall: Wall, section: Section) -> list[Box]:
     return boxes
 
 
-def _boxes(file: Section, key: str) -> tuple[Box, ...]:
-    boxes = []
-    for section in file.sections(key):
-        boxes.append(_box(section))
-        section.finish()
-    return tuple(boxes)
-
-
 def _box(section: Section) -> Box:
     x, y = _point(section, "centre_m")
     size = section.numbers("size_m", count=3, low=0.01, high=100.0)
-    return Box(
+    box = Box(
         name=section.text("name"), centre_m=(x, y), size_m=(size[0], size[1], size[2]),
         yaw_rad=float(np.radians(section.number("yaw_deg", 0.0, low=-360.0, high=360.0))),
         bottom_m=section.number("bottom_m", 0.0, low=0.0, high=20.0),
         surface=_surface(section.section("surface"), FURNITURE))
+    section.finish()
+    return box
 
 
 def _changes(section: Section, boxes: list[str]) -> Changes:

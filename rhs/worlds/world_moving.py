@@ -19,7 +19,7 @@ Painter = Callable[[Section, Surface], Surface]
 
 
 def moving_of(file: Section, boxes: Callable[[Section], Box], surface: Painter) -> Moving:
-    """What the file says; boxes and surface read one of their sections."""
+    """What the file says; boxes and surface read one of their sections, and refuse what they do not know of it."""
     people = tuple(_person(section, surface) for section in file.sections("people"))
     doors = tuple(_door(section, surface) for section in file.sections("doors"))
     timed = tuple(_timed(section, boxes) for section in file.sections("timed"))
@@ -70,7 +70,6 @@ def _timed(section: Section, boxes: Callable[[Section], Box]) -> Timed:
     at = section.numbers("otherwise", count=3) if "otherwise" in section.nodes else None
     box = boxes(section)
     other = None if at is None else replace(box, centre_m=(at[0], at[1]), yaw_rad=float(np.radians(at[2])))
-    section.finish()
     return Timed(box, times, every_s, other)
 
 

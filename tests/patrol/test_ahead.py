@@ -15,7 +15,7 @@ from installing import FAKES, installed
 import rhs
 from rhs.config import registry
 from rhs.config.compose import compose_config
-from rhs.patrol import ahead as module
+from rhs.patrol import eyes as module
 from rhs.recording.reader import Reading
 from rhs.sweeps.sweep import job_of
 

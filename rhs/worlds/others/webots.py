@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rhs.api.geometry import se3
 from rhs.base.errors import ConfigError
 
 from ..mesh_files import Y_UP, check_readable
@@ -95,7 +96,7 @@ def _library(node: Node, *, z_up: bool) -> Iterator[Part]:
     up = 2 if z_up else 1
     if node.kind in STANDING and (node.kind != "Door" or not node.yes("canBeOpen", default=True)):
         size = node.numbers("size", (0.2, 1.0, 2.4) if z_up else (1.0, 2.4, 0.2), width=3)[0]
-        yield box(size).moved(_at(0.5 * size * (np.arange(3) == up)))
+        yield box(size).moved(se3(np.eye(3), 0.5 * size * (np.arange(3) == up)))
     elif node.kind == "SolidBox":
         yield box(node.numbers("size", (1.0, 1.0, 1.0), width=3)[0])
     elif node.kind == "RectangleArena":
@@ -105,10 +106,4 @@ def _library(node: Node, *, z_up: bool) -> Iterator[Part]:
             size, away = across + 2 * thick * (np.arange(2) != axis), np.zeros(2)
             size[axis], away[axis] = thick, 0.5 * (across[axis] + thick)
             for side in (away, -away):
-                yield box(np.insert(size, up, high)).moved(_at(np.insert(side, up, 0.5 * high)))
-
-
-def _at(place: np.ndarray) -> np.ndarray:
-    out = np.eye(4)
-    out[:3, 3] = place
-    return out
+                yield box(np.insert(size, up, high)).moved(se3(np.eye(3), np.insert(side, up, 0.5 * high)))

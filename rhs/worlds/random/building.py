@@ -70,9 +70,8 @@ def random_world(name: str, seed: int = 0, robot: Mapping[str, Any] | None = Non
     if robot:
         footprint = footprint_of(robot.get("footprint_m", ()), "footprint_m")
         radius_m = robot.get("robot_radius_m", world.robot_radius_m) if footprint is None else footprint.radius_m
-        world = replace(world, robot_radius_m=radius_m, footprint=footprint,
-                        camera_height_m=robot.get("camera_height_m", world.camera_height_m))
-        check_world(world, _Drawn(world.name))
+        world = _checked(replace(world, robot_radius_m=radius_m, footprint=footprint,
+                                 camera_height_m=robot.get("camera_height_m", world.camera_height_m)))
     return world
 
 
@@ -86,22 +85,22 @@ def _world(family: str, word: str, number: int) -> World:
             name = f"random:{family}{'+' if word else ''}{word}/{number}"
             world = replace(world, name=name, path=Path(name))
             rng = generator(number, f"obstacles of {family} {draw}")
-            boxes = not word or "obstacles" in word
-            if boxes and (rng.uniform() < 0.5 or "obstacles" in word):
-                world = with_drawn_obstacles(world, rng)
-                check_world(world, _Drawn(world.name))
+            if (not word or "obstacles" in word) and (rng.uniform() < 0.5 or "obstacles" in word):
+                world = _checked(with_drawn_obstacles(world, rng))
             if word == "shut":
-                world = _shut(world, generator(number, f"barriers of {family} {draw}"))
+                world = _checked(_shut(world, generator(number, f"barriers of {family} {draw}")))
             if "moved" in word:
-                world = _rearranged(world, generator(number, f"moves of {family} {draw}"))
-            return _peopled(world, generator(number, f"people of {family} {draw}")) if "people" in word else world
+                world = _checked(_rearranged(world, generator(number, f"moves of {family} {draw}")))
+            if "people" in word:
+                rng = generator(number, f"people of {family} {draw}")
+                world = _checked(with_drawn_people(world, rng, *free_space(after(world))))
+            return world
         except (Unfit, ConfigError) as error:
             last = error
     raise RhsError(f"random:{family}/{number}: none of {MOST_DRAWS} draws is a building to drive in; the last one: {last}")
 
 
-def _peopled(world: World, rng: np.random.Generator) -> World:
-    world = with_drawn_people(world, rng, *free_space(after(world)))
+def _checked(world: World) -> World:
     check_world(world, _Drawn(world.name))
     return world
 
@@ -111,7 +110,6 @@ def _shut(world: World, rng: np.random.Generator) -> World:
     world = with_drawn_barriers(world, rng)
     if not world.obstacles:
         raise Unfit("no place of it can be cut off")
-    check_world(world, _Drawn(world.name))
     return world
 
 
@@ -119,9 +117,7 @@ def _rearranged(world: World, rng: np.random.Generator) -> World:
     """Raises Unfit where nothing stands that could be moved: the next draw may have something."""
     if not movable(world):
         raise Unfit("nothing in it can be moved")
-    world = with_drawn_moves(world, rng)
-    check_world(world, _Drawn(world.name))
-    return world
+    return with_drawn_moves(world, rng)
 
 
 def _plain(family: str, number: int, draw: int) -> World:
@@ -145,8 +141,8 @@ def _laid_out(sketch: Sketch, angle: float, shift: np.ndarray) -> World:
         return moved
 
     def moved(box: Box) -> Box:
-        x, y = placed(np.array(box.centre_m))
-        return replace(box, centre_m=(float(x), float(y)), size_m=_rounded(box.size_m),
+        width, depth, height = (round(length, 4) for length in box.size_m)
+        return replace(box, centre_m=_pair(placed(np.array(box.centre_m))), size_m=(width, depth, height),
                        yaw_rad=round(box.yaw_rad + angle, 6), bottom_m=round(box.bottom_m, 4))
 
     walls: tuple[Wall, ...] = tuple(replace(wall, points_m=placed(wall.points_m)) for wall in sketch.walls)
@@ -159,10 +155,6 @@ def _laid_out(sketch: Sketch, angle: float, shift: np.ndarray) -> World:
     return World("", Path(), (*spot, 0.0), sketch.robot_radius_m, sketch.robot_height_m, walls,
                  tuple(moved(box) for box in sketch.boxes), (), (), np.array([spot]), look.paintings, look.floor,
                  look.ceiling, int(sketch.rng.integers(2**31)), camera_pitch_deg=PITCH_DEG)
-
-
-def _rounded(size: tuple[float, float, float]) -> tuple[float, float, float]:
-    return round(size[0], 4), round(size[1], 4), round(size[2], 4)
 
 
 def _pair(point: np.ndarray) -> tuple[float, float]:

@@ -50,36 +50,20 @@ def furnish(sketch: Sketch, room: Room, count: int) -> None:
 
 def put(sketch: Sketch, room: Room, name: str) -> bool:
     """One thing in the room; False where it found no room."""
-    if name in TABLES:
-        return TABLES[name](sketch, room)
-    width, depth, height = (sketch.draw(*size) for size in SOLID[name])
-    free = name in FREE_STANDING and sketch.chance(0.6)
-    where = (sketch.in_the_open if free else sketch.against_wall)(room, width, depth)
-    if where is not None:
-        sketch.box(name, where[0], (width, depth, min(height, sketch.looks.wall_height_m - 0.05)), yaw_rad=where[1])
+    lengths, made = OVER_FLOOR.get(name) or (SOLID[name], None)
+    size = [sketch.draw(*limits) for limits in lengths]
+    free = name == "table" or (name in FREE_STANDING and sketch.chance(0.6))
+    where = (sketch.in_the_open if free else sketch.against_wall)(room, *size[:2])
+    if where is not None and made is not None:
+        made(sketch, *where, size)
+    elif where is not None:
+        sketch.box(name, where[0], (*size[:2], min(size[2], sketch.looks.wall_height_m - 0.05)), yaw_rad=where[1])
     return where is not None
 
 
-def _table(sketch: Sketch, room: Room) -> bool:
-    """A top on four legs, or on one column, in the open. Where the robot is so low that it would fit beneath, a chest."""
-    width, depth = sketch.draw(0.8, 1.4), sketch.draw(0.6, 0.85)
-    where = sketch.in_the_open(room, width, depth)
-    if where is not None:
-        _top(sketch, where, (width, depth))
-    return where is not None
-
-
-def _desk(sketch: Sketch, room: Room) -> bool:
-    """A top against the wall."""
-    width, depth = sketch.draw(1.0, 1.6), sketch.draw(0.6, 0.8)
-    where = sketch.against_wall(room, width, depth)
-    if where is not None:
-        _top(sketch, where, (width, depth))
-    return where is not None
-
-
-def _top(sketch: Sketch, where: tuple[np.ndarray, float], size: tuple[float, float]) -> None:
-    (middle, yaw), (width, depth), under = where, size, sketch.draw(0.66, 0.72)
+def _table(sketch: Sketch, middle: np.ndarray, yaw: float, size: Sequence[float]) -> None:
+    """A top on four legs, or on one column. Where the robot is so low that it would fit beneath, a chest."""
+    (width, depth), under = size, sketch.draw(0.66, 0.72)
     look = furniture_surface(sketch.rng)
     if sketch.robot_height_m < under + 0.1:
         sketch.box("chest", middle, (width, depth, under), yaw_rad=yaw, surface=look)
@@ -93,14 +77,13 @@ def _top(sketch: Sketch, where: tuple[np.ndarray, float], size: tuple[float, flo
         sketch.box("table leg", leg, (0.05, 0.05, under), yaw_rad=yaw, surface=look)
 
 
-def _wall_shelf(sketch: Sketch, room: Room) -> bool:
+def _wall_shelf(sketch: Sketch, middle: np.ndarray, yaw: float, size: Sequence[float]) -> None:
     """A board or box on the wall, over nothing; always lower than the robot, so that it counts."""
-    width, depth, height = sketch.draw(0.5, 1.2), sketch.draw(0.2, 0.32), sketch.draw(0.03, 0.35)
-    where = sketch.against_wall(room, width, depth)
-    if where is not None:
-        bottom = sketch.draw(0.3, 1.0) * (sketch.robot_height_m - 0.1)
-        sketch.box("wall shelf", where[0], (width, depth, height), yaw_rad=where[1], bottom_m=round(bottom, 4))
-    return where is not None
+    bottom = sketch.draw(0.3, 1.0) * (sketch.robot_height_m - 0.1)
+    sketch.box("wall shelf", middle, size, yaw_rad=yaw, bottom_m=round(bottom, 4))
 
 
-TABLES: Mapping[str, Callable[[Sketch, Room], bool]] = {"table": _table, "desk": _desk, "wall shelf": _wall_shelf}
+# name -> width, depth and what else is drawn of its size; what is put there
+OVER_FLOOR: Mapping[str, tuple[Sequence[tuple[float, float]], Callable[..., None]]] = {
+    "table": (((0.8, 1.4), (0.6, 0.85)), _table), "desk": (((1.0, 1.6), (0.6, 0.8)), _table),
+    "wall shelf": (((0.5, 1.2), (0.2, 0.32), (0.03, 0.35)), _wall_shelf)}

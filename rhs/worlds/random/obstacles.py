@@ -71,7 +71,7 @@ def with_box(world: World, rng: np.random.Generator) -> World:
         yaw = float(rng.uniform(-1.57, 1.57))
         if not stands(world, middle, size, yaw):
             continue
-        other = _put(world, _box("obstacle", world, middle, (*size, float(rng.uniform(0.3, 1.6))), yaw, rng))
+        other = _put(world, "obstacle", middle, (*size, float(rng.uniform(0.3, 1.6))), yaw, rng)
         if reached(after(other), radius_m=radius + 0.05) == before:
             return other
     return world
@@ -91,7 +91,7 @@ def _barred(world: World, rng: np.random.Generator) -> World:
         centre = middle + 0.5 * (left - right) * way
         size = (left + right - 0.06, float(rng.uniform(0.1, 0.4)))
         if stands(world, centre, size, across):
-            return _put(world, _box("barrier", world, centre, (*size, float(rng.uniform(0.8, 1.8))), across, rng))
+            return _put(world, "barrier", centre, (*size, float(rng.uniform(0.8, 1.8))), across, rng)
     return world
 
 
@@ -121,8 +121,7 @@ def _beside_way(route_m: np.ndarray, rng: np.random.Generator, *, out_m: float) 
         heading = math.atan2(*(b - a)[::-1])
         middle = a + float(rng.uniform(0.5, 1.4)) * np.array([math.cos(heading), math.sin(heading)])
     aside = float(rng.uniform(-out_m, out_m))
-    point: np.ndarray = middle + aside * np.array([-math.sin(heading), math.cos(heading)])
-    return point
+    return middle + aside * np.array([-math.sin(heading), math.cos(heading)])
 
 
 def stands(world: World, middle: np.ndarray, size: tuple[float, float], yaw: float) -> bool:
@@ -140,15 +139,13 @@ def stands(world: World, middle: np.ndarray, size: tuple[float, float], yaw: flo
     return bool(0 <= row < grid.shape[0] and 0 <= column < grid.shape[1] and grid.probability[row, column] == 0.0)
 
 
-def _box(name: str, world: World, middle: np.ndarray, size: tuple[float, float, float], yaw: float,
-         rng: np.random.Generator) -> Box:
+def _put(world: World, name: str, middle: np.ndarray, size: tuple[float, float, float], yaw: float,
+         rng: np.random.Generator) -> World:
+    """The world with one box more."""
     x, y = middle.round(4)
     width, depth, height = (round(length, 4) for length in size)
-    return Box(f"{name} {len(world.obstacles) + 1}", (float(x), float(y)), (width, depth, height), round(yaw, 6), 0.0,
-               furniture_surface(rng))
-
-
-def _put(world: World, box: Box) -> World:
+    box = Box(f"{name} {len(world.obstacles) + 1}", (float(x), float(y)), (width, depth, height), round(yaw, 6), 0.0,
+              furniture_surface(rng))
     return replace(world, obstacles=(*world.obstacles, box))
 
 
@@ -163,8 +160,7 @@ def with_drawn_moves(world: World, rng: np.random.Generator) -> World:
     the robot waits or on a place, and none cuts a place off."""
     things = movable(world)
     for index in rng.permutation(len(things))[: int(rng.integers(1, 4))]:
-        box = things[int(index)]
-        world = rearranged(world, box, rng)
+        world = rearranged(world, things[int(index)], rng)
     return world
 
 

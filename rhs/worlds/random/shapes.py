@@ -46,8 +46,7 @@ def polygon_gaps_m(polygon_m: np.ndarray, segments_m: np.ndarray) -> np.ndarray:
 def inside(points_m: np.ndarray, polygon_m: np.ndarray) -> np.ndarray:
     """(N,) bool: points within a convex polygon, counter-clockwise."""
     sides = edges_of(polygon_m)
-    left_of: np.ndarray = np.asarray((_side(sides[:, None], points_m[None]) >= 0.0).all(axis=0))
-    return left_of
+    return np.asarray((_side(sides[:, None], points_m[None]) >= 0.0).all(axis=0))
 
 
 def within(points_m: np.ndarray, polygon_m: np.ndarray) -> np.ndarray:
