@@ -36,9 +36,9 @@ from rhs.estimation.scans.likelihood_field import LikelihoodField
 from rhs.estimation.views.motion_consistency import Continuity, scan_continuity
 
 from .advanced import ParticleAdvanced, ScanAdvanced
+from .config import ParticleFilter, ParticleFilterScan
 from .confirmation import Confirmation, Contradiction
 from .map_spread import MapSpread
-from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import NamedPlaces, PlaceEvidence
 from .scan_fit import FitWatch
 from .scan_search import rivals, summits, throws

@@ -22,9 +22,9 @@ from rhs.estimation.views.retrieval import Vlad
 from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
 from .advanced import ConfirmationRules, ParticleAdvanced
+from .config import ParticleFilter
 from .confirmation import fits, possible, same_place
 from .continuity_watch import ContinuityWatch
-from .particle_filter_config import ParticleFilter
 
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 CELL_M, HEADINGS = 0.25, 24  # of the table "which stored view is nearest to this pose"

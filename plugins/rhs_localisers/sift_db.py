@@ -43,12 +43,12 @@ from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, Reco
 from rhs.estimation.views.place_memory import memory_of
 from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
+from .config import SiftDb
 from .confirmation import Confirmation, Contradiction, fits, hidden, possible
 from .continuity_watch import ContinuityWatch
 from .map_spread import MapSpread
 from .panorama import LookRound
 from .scan_guess import drifted, laid_on_map
-from .sift_db_config import SiftDb
 
 NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of an unknown pose, square metres and square radians
 

@@ -31,7 +31,7 @@ from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.views.loops import closing_gap, covariances_of, ends_meet, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
 
-from .error_distribution_config import ErrorDistribution
+from .config import ErrorDistribution
 
 UNUSED = "not used: more key-points agree on another closure"
 

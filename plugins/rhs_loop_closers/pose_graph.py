@@ -36,9 +36,8 @@ from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, s
 from rhs.estimation.views.loops import closing_gap, edge_between, in_a_hand, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
 
-from .advanced import PoseGraphAdvanced
 from .candidates import beside, possible_pairs, progress_m, spread
-from .pose_graph_config import PoseGraph
+from .config import PoseGraph, PoseGraphAdvanced
 from .walls import WallGraph, crooked, followed, wall_graph
 
 ANYWHERE = 1e3  # metres and radians: says nothing

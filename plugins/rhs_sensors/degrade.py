@@ -1,14 +1,33 @@
-"""What sensors do to ideal measurements: noise on images and depth, encoders that slip. Shared by the sensors."""
+"""What sensors do to ideal measurements: noise on images and depth, encoders that slip, and the settings of those. Shared by the
+sensors; light to import."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from rhs.api.errors import ContractError
+from rhs.api.errors import Bounded, ContractError, within
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture
 
-from .wheeled import Wheeled
+
+@dataclass
+class Wheeled(Bounded):
+    """A sensor on a robot that counts how far its wheels turn."""
+
+    noise: bool = True
+    """false: an ideal sensor; recordings keep the noise they have, whatever is said here"""
+    wheel_scale_sigma: float = within(0.02, 0.0, 0.5)
+    """each run's encoders count distance and turn too long by such a share (1 sigma)"""
+    wheel_distance_share: float = within(0.02, 0.0, 1.0)
+    """noise of one reading of distance, share of it since the last view (1 sigma)"""
+    wheel_turn_share: float = within(0.03, 0.0, 1.0)
+    """noise of one reading of turn, share of it since the last view (1 sigma)"""
+    wheel_slip_chance: float = within(0.0, 0.0, 1.0)
+    """chance per view that the wheels spin: they count wheel_slip_share too much"""
+    wheel_slip_share: float = within(0.5, 0.0, 1.0)
+    """share counted too much when the wheels spin"""
 
 
 class Encoders:

@@ -11,8 +11,7 @@ from rhs.api.contracts import Context, Sensor
 from rhs.api.errors import ContractError, within
 from rhs.api.records import Capture, Observation, Scan
 
-from .degrade import Encoders, frozen
-from .wheeled import Wheeled
+from .degrade import Encoders, Wheeled, frozen
 
 
 @dataclass

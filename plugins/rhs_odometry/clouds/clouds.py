@@ -18,7 +18,7 @@ from rhs.api.geometry import Camera, inverse, log_se3, orthonormal
 from rhs.api.records import Motion, Tracking
 from rhs.estimation.views.rigid import KINECT
 
-from .settings import CloudAdvanced
+from .config import CloudAdvanced
 
 USUAL = CloudAdvanced()
 

@@ -11,7 +11,7 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, log_so3, orthonormal
 
 from .clouds import Cloud, within_reach
-from .gicp_config import Gicp
+from .config import Gicp
 from .odometry import CloudOdometry
 
 

@@ -15,7 +15,7 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, orthonormal
 
 from .clouds import Cloud, within_reach
-from .kiss_icp_config import KissIcp
+from .config import KissIcp
 from .odometry import CloudOdometry
 
 

@@ -12,8 +12,7 @@ from rhs.api.records import Revision, Scan, Wall
 from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams, embed
 from ..tracks.monocular_parts import monocular_odometry
 from ..tracks.track_frames import TrackFrame
-from .advanced import CorridorAdvanced
-from .ekf_config import CorridorEkf
+from .config import CorridorAdvanced, CorridorEkf
 from .filter import CorridorFilter, FilterSettings, floor_plane
 from .motion import ConstantVelocity, GivenMotion, MotionNoise
 from .scan import Drawn, believed_scan, mouths_of

@@ -16,7 +16,7 @@ from rhs.api.geometry import Camera
 from rhs.estimation.filters.kalman import correct_information
 
 from ..tracks.track_frames import TrackFrame
-from .advanced import CorridorAdvanced, FloorRules
+from .config import CorridorAdvanced, FloorRules
 from .fit import TrackFit, WindowCameras, cameras_of, fit_free, fit_on_planes
 from .floor_level import FloorLevel
 from .motion import ConstantVelocity, GivenMotion, SpinWatch

@@ -13,7 +13,7 @@ import numpy as np
 
 from rhs.api.records import Wall
 
-from .advanced import DrawingRules
+from .config import DrawingRules
 from .scan import Drawn
 from .state import BIN_M, Plane
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from rhs.estimation.filters.kalman import correct, nees
 
-from .advanced import WallRules
+from .config import WallRules
 from .fit import TrackFit
 from .state import BIN_M, CorridorState, Plane
 

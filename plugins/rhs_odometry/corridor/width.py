@@ -8,7 +8,7 @@ import numpy as np
 
 from rhs.estimation.filters.kalman import correct
 
-from .advanced import WidthRules
+from .config import WidthRules
 from .state import WIDTH, CorridorState
 
 USUAL = WidthRules()

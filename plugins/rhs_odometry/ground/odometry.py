@@ -18,7 +18,7 @@ from rhs.api.geometry import Camera, inverse, orthonormal, se2
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.estimation.views.settings import scaled_px
 
-from ..corridor.advanced import CorridorAdvanced, WallRules
+from ..corridor.config import CorridorAdvanced, WallRules
 from ..corridor.ekf import Ledger
 from ..corridor.filter import CorridorFilter, FilterSettings, floor_plane
 from ..corridor.motion import GivenMotion, MotionNoise

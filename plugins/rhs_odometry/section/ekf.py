@@ -16,7 +16,7 @@ from ..corridor.window import TrackWindow
 from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams
 from ..tracks.monocular_parts import monocular_odometry
 from ..tracks.track_frames import TrackFrame, common
-from .ekf_config import SectionEkf
+from .config import SectionEkf
 from .filter import (
     AXIS,
     CENTRE,
