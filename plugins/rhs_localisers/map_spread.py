@@ -69,5 +69,4 @@ class MapSpread:
 def _carried(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """The covariance (6, 6) of a pose as that of the pose one motion (4, 4) further on."""
     move = adjoint(inverse(motion))
-    out: np.ndarray = move @ covariance @ move.T
-    return out
+    return move @ covariance @ move.T

@@ -321,8 +321,7 @@ def left_on_loop(at_end: np.ndarray, share: float) -> np.ndarray:
 
 def flat(place_m2: float, turn_rad2: float) -> np.ndarray:
     """(6, 6) of a pose on the floor, alike in all directions."""
-    out: np.ndarray = np.diag([place_m2, place_m2, 0.0, 0.0, 0.0, turn_rad2])
-    return out
+    return np.diag([place_m2, place_m2, 0.0, 0.0, 0.0, turn_rad2])
 
 
 def _inliers(answer: PlaceAnswer) -> float:

@@ -9,7 +9,7 @@ from typing import ClassVar
 from rhs.api.contracts import Context, PartSettings, Planner
 from rhs.api.errors import Bounded, one_of, within
 
-FREE_SHARE, MOST_TRIES = 0.25, 100.0  # of a grid, for which 10,000 steps of FMT* are enough; of the steps, where less is free
+FREE_SHARE, MOST_TRIES = 0.25, 100.0  # of a grid, for which FMT*'s 10,000 steps are enough; of them, where less is free
 
 
 def scaled_to(free_cells: int, *, each: float, least: int, most: int = 1_000_000) -> int:

@@ -1,5 +1,5 @@
-"""What sensors do to ideal measurements: noise on images and depth, encoders that slip, and the settings of those. Shared by the
-sensors; light to import."""
+"""What sensors do to ideal measurements: noise on images and depth, encoders that slip, and the settings of those. Shared by
+the sensors; light to import."""
 
 from __future__ import annotations
 

@@ -87,8 +87,7 @@ def _way_along(graph: Graph, start: int) -> np.ndarray:
     columns = np.concatenate([np.arange(1, count), [find.later for find in graph.loops]]).astype(int)
     length = np.concatenate([np.maximum(step_m, 1e-6), np.full(len(graph.loops), LOOP_WAY_M)])
     ties = coo_matrix((length, (rows, columns)), (count, count)).tocsr()
-    out: np.ndarray = dijkstra(ties, directed=False, indices=start)
-    return out
+    return dijkstra(ties, directed=False, indices=start)
 
 
 def _look(graph: Graph, pair: tuple[int, int], way_m: float, windows: Windows) -> Find | None:

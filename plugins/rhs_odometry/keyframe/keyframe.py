@@ -363,8 +363,7 @@ class KeyframeOdometry(Odometry):
         """The planar pose of the camera nearest to one (4, 4) with this information (6, 6)."""
         b = self._camera.body_from_camera
         flat, _ = on_floor(b @ pose @ inverse(b), adjoint(inverse(b)).T @ information @ adjoint(inverse(b)))
-        out: np.ndarray = inverse(b) @ flat @ b
-        return out
+        return inverse(b) @ flat @ b
 
     def _level(self, wide: np.ndarray) -> np.ndarray:
         """The covariance (6, 6) of a guess of the camera's motion that is kept to the floor, unless it sways."""

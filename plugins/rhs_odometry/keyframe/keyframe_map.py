@@ -119,8 +119,7 @@ class KeyframeMap:
         self.anchor = self.anchor[rows] - (self.anchor[rows] > k)
         for name in ("pixels", "_beside", "rays", "rho", "sigma", "slopes"):
             setattr(self, name, np.take(getattr(self, name), rows, axis=0))
-        number: np.ndarray = np.maximum(np.cumsum(stay) - 1, 0)
-        return number
+        return np.maximum(np.cumsum(stay) - 1, 0)
 
     def stand(self, serials: np.ndarray) -> np.ndarray:
         """(N, 4, 4) where the key frames of serials (N,) stand now, those given up included."""
