@@ -157,7 +157,7 @@ class NearestView:
 
     def __init__(self, memory: Memory, s: ParticleAdvanced) -> None:
         near_rad = np.radians(s.near_deg)
-        stands = np.array([planar(pose) for pose in memory.poses]).reshape(-1, 3)
+        stands = memory.stands
         self._table: np.ndarray = np.full((1, 1, HEADINGS), -1)
         if len(stands) == 0:
             self._corner = np.zeros(2)

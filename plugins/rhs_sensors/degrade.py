@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rhs.api.errors import Bounded, ContractError, within
+from rhs.api.frozen import freeze
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture
 
@@ -43,24 +44,24 @@ class Encoders:
         if travel is None:
             return None
         if exact or not self._settings.noise:
-            return frozen(np.array(travel, float))
+            return freeze(np.array(travel, float))
         settings = self._settings
         noise, chance = self._rng.standard_normal(2), self._rng.random()
         slip = 1.0 + settings.wheel_slip_share * (chance < settings.wheel_slip_chance)
         along = slip * (self._scale[0] + settings.wheel_distance_share * noise[0])
         turn = slip * (self._scale[1] + settings.wheel_turn_share * noise[1])
-        return frozen(np.asarray(travel, float) * np.array([along, along, turn]))
+        return freeze(np.asarray(travel, float) * np.array([along, along, turn]))
 
 
 def noisy_image(image: np.ndarray, sigma: float, rng: np.random.Generator) -> np.ndarray:
     """The (H, W, 3) uint8 image with Gaussian noise of `sigma` grey levels on every channel, rounded and clipped."""
     if sigma == 0.0:
-        return frozen(image.copy())
+        return freeze(image.copy())
     from .noise import add_grey, chosen, grey_levels  # numba takes half a second to load, which `--help` need not wait for
 
     seen = np.empty(image.shape, np.uint8)
     add_grey(np.ascontiguousarray(image).reshape(-1), chosen(rng, image.size), grey_levels(sigma), seen.reshape(-1))
-    return frozen(seen)
+    return freeze(seen)
 
 
 def image_of(capture: Capture, camera: Camera) -> np.ndarray:
@@ -91,8 +92,3 @@ def depth_of(capture: Capture, camera: Camera) -> np.ndarray:
 def size(image: np.ndarray) -> str:
     """Width x height, as people say it."""
     return "x".join(str(n) for n in image.shape[1::-1])
-
-
-def frozen(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array

@@ -99,9 +99,10 @@ class Gicp(CloudSettings):
     advanced: GicpAdvanced = field(default_factory=GicpAdvanced)
 
     def build(self, context: Context) -> Odometry:
-        from .gicp import build
+        from .gicp import GicpRegistration
+        from .odometry import CloudOdometry
 
-        return build(self, context)
+        return CloudOdometry(self, context, GicpRegistration(self))
 
 
 @dataclass
@@ -118,6 +119,7 @@ class KissIcp(CloudSettings):
     """The least motion that adapts the threshold of partners, metres."""
 
     def build(self, context: Context) -> Odometry:
-        from .kiss_icp import build
+        from .kiss_icp import KissRegistration
+        from .odometry import CloudOdometry
 
-        return build(self, context)
+        return CloudOdometry(self, context, KissRegistration(self))

@@ -9,8 +9,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, adjoint, inverse, se2
 from rhs.api.records import Revision, Scan, Wall
 
-from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams, embed
-from ..tracks.monocular_parts import monocular_odometry
+from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams, embed, monocular_odometry
 from ..tracks.track_frames import TrackFrame
 from .config import CorridorAdvanced, CorridorEkf
 from .filter import CorridorFilter, FilterSettings, floor_plane

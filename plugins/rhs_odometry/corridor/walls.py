@@ -81,10 +81,9 @@ def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, camer
     out = list(planes)
     for j in np.unique(wall[wall >= 0]):
         p, hit = out[j], points[wall == j]
-        along = hit[:, 1 - p.axis] if not p.is_floor else hit[:, 0]
         above = int((cameras[wall == j] @ p.normal() > p.level()).sum())
         sides = (p.sides[0] + len(hit) - above, p.sides[1] + above)
-        out[j] = with_hits(replace(p, last_seen=view, sides=sides), along)
+        out[j] = with_hits(replace(p, last_seen=view, sides=sides), hit[:, p.along])
     return out
 
 
@@ -94,11 +93,11 @@ def with_hits(plane: Plane, along: np.ndarray) -> Plane:
     support = dict(plane.support)
     for k in np.floor(along / BIN_M).astype(int).tolist():
         support[k] = support.get(k, 0) + 1
-    firm = [k for k, n in support.items() if n >= 3]
     low, high = min(plane.low_m, float(along.min())), max(plane.high_m, float(along.max()))
-    if firm:
+    plane = replace(plane, hits=plane.hits + len(along), support=support)
+    if firm := plane.firm:
         low, high = max(low, BIN_M * min(firm)), min(high, BIN_M * (max(firm) + 1))
-    return replace(plane, low_m=low, high_m=high, hits=plane.hits + len(along), support=support)
+    return replace(plane, low_m=low, high_m=high)
 
 
 class WallFinder:
@@ -149,15 +148,15 @@ class WallFinder:
         free = np.ones(len(self._points), bool)
         if axis == 2:
             height = self._points[:, 2] - self._eye
-            sides = {p.offset_m > self._eye for p in planes if p.is_floor}
             free &= np.abs(height) > 0.7
-            for above in sides:
-                free &= (height > 0) != above
+            for p in planes:
+                if p.is_floor:
+                    free &= (height > 0) != (p.offset_m > self._eye)
             return free
         for p in planes:
             if p.axis == axis:
-                at = p.offset_m - p.angle_rad * (self._points[:, 1 - axis] - p.pivot_m)
-                free &= ~((np.abs(self._points[:, axis] - at) < self._rules.near_m) & within(p, self._points, 1.0))
+                off = self._points[:, axis] - p.at(self._points[:, 1 - axis])
+                free &= ~((np.abs(off) < self._rules.near_m) & within(p, self._points, 1.0))
         return free
 
     def _spread_out(self, axis: int, points: np.ndarray) -> bool:
@@ -189,11 +188,10 @@ def _difference(state: CorridorState, i: int, j: int) -> tuple[np.ndarray, np.nd
     """(2,) difference of the walls in offset, where they overlap or meet, and in angle; its Jacobian (2, D)."""
     a, b = state.planes[i], state.planes[j]
     middle = 0.5 * (max(a.low_m, b.low_m) + min(a.high_m, b.high_m)) if not a.is_floor else 0.0
-    jacobian = np.zeros((2, len(state.covariance)))
-    at_a, at_b = state.plane_slice(i).start, state.plane_slice(j).start
-    jacobian[0, [at_a, at_a + 1, at_b, at_b + 1]] = 1.0, -(middle - a.pivot_m), -1.0, middle - b.pivot_m
-    jacobian[1, [at_a + 1, at_b + 1]] = 1.0, -1.0
-    return np.array([a.at(middle) - b.at(middle), a.angle_rad - b.angle_rad]), jacobian
+    gap, row = state.apart(i, j, middle)
+    turned = np.zeros(len(row))
+    turned[[state.plane_slice(i).start + 1, state.plane_slice(j).start + 1]] = 1.0, -1.0
+    return np.array([gap, a.angle_rad - b.angle_rad]), np.stack([row, turned])
 
 
 def _same(state: CorridorState, i: int, j: int, rules: WallRules) -> bool:

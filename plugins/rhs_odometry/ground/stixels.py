@@ -7,8 +7,6 @@ not floor help, learnt from columns that were clear. What is not clear, or what 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 
@@ -210,8 +208,3 @@ def _tones(shown: np.ndarray) -> np.ndarray:
 def _turn(yaw_rad: float) -> np.ndarray:
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.array([[c, -s], [s, c]])
-
-
-def scans_of(stixels: Stixels, poses: np.ndarray) -> Sequence[Scan | None]:
-    """Of all views of a survey, once it is over: views before and after each are compared."""
-    return [stixels.scan(view, poses, learn=False, later=True) for view in range(len(poses))]

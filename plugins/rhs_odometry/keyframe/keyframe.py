@@ -235,13 +235,13 @@ class KeyframeOdometry(Odometry):
         tracker, self._unseen = self._tracker, np.zeros((6, 6))
         k = self._map.add_keyframe(tracker.pose, look.picture)
         self._relocation.note(k, look.depth)
-        self._map.tie(edges)
+        self._map.edges += edges
         if self._adrift is None:
             loops = self._revisit(look, k)
         else:
             loops = self._find_again(look, k, self._adrift)
         if loops:
-            self._map.tie(loops)
+            self._map.edges += loops
             self._map.settle(self._effort)
             tracker.pose = self._map.poses[k]
         tracker.top_up(look, k)

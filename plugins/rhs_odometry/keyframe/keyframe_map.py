@@ -191,10 +191,6 @@ class KeyframeMap:
         self.rho[ids] = (prior * self.rho[ids] + reading * rho) / (prior + reading)
         self.sigma[ids] = np.maximum((prior + reading) ** -0.5, self._advanced.sharpest * depth_times * self._sigma)
 
-    def tie(self, edges: list[Edge]) -> None:
-        """Take up measured relative poses."""
-        self.edges.extend(edges)
-
     def settle(self, effort: Effort) -> None:
         """Let the pose graph settle; the first key frame stays."""
         e = self.edges
