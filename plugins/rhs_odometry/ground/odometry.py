@@ -135,8 +135,8 @@ class GroundOdometry(Odometry):
 def drift(s: GroundMsckf, motion: np.ndarray) -> np.ndarray:
     """(3, 3) covariance of one (4, 4) motion, x, y, yaw along its own axes, by what is lost in a step besides what the
     filter knows: errors of its points go together along their tracks, and each linearisation lets it believe in a little
-    more heading than anybody saw (Huang, Mourikis and Roumeliotis 2010). No view takes it back: whoever adds motions up from a
-    place that he knows again loses it anew."""
+    more heading than anybody saw (Huang, Mourikis and Roumeliotis 2010). No view takes it back: whoever adds motions up from
+    a place that he knows again loses it anew."""
     turned, way_m = abs(float(np.arctan2(motion[1, 0], motion[0, 0]))), float(np.hypot(*motion[:2, 3]))
     on_the_spot = s.drift_spot**2 * turned if way_m < s.advanced.stixels.pivot_m else 0.0
     heading = s.drift_rad_per_m**2 * way_m + (s.drift_rad_per_rad * turned) ** 2 + on_the_spot
