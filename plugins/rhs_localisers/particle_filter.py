@@ -240,7 +240,7 @@ class ParticleLocaliser:
             return
         self._cloud, gain = reweighted(self._cloud, named.log_likelihood(self._cloud.states))
         fresh = even(named.draw(max(self._settings.particles_min // 2, 1), self._rng))
-        there = self._elsewhere * named.hit
+        there = self._elsewhere * named.p_true
         here = (1.0 - self._elsewhere) * float(np.exp(min(gain, 50.0)))
         rest = self._elsewhere * named.miss
         total = there + here + rest

@@ -33,19 +33,15 @@ CELL_M, HEADINGS = 0.25, 24  # of the table "which stored view is nearest to thi
 @dataclass(frozen=True, eq=False)
 class NamedPlaces:
     """Verified places of one view. claims: (mean (3,), covariance (3, 3), share) each. areas: how many places could have
-    been named; p_true: chance that a named place is right. Likelihoods are relative to that of a random naming. strong: the
-    best of them explains so much of the view that it can confirm."""
+    been named; p_true: chance that a named place is right, and likelihood of the claims for a robot that stands where they
+    say, but was not expected there. Likelihoods are relative to that of a random naming. strong: the best of them explains
+    so much of the view that it can confirm."""
 
     claims: tuple[tuple[np.ndarray, np.ndarray, float], ...]
     areas: float
     p_true: float
     strong: bool = True
     rules: ConfirmationRules = ConfirmationRules()
-
-    @property
-    def hit(self) -> float:
-        """Likelihood of these claims for a robot that stands where they say, but was not expected there."""
-        return self.p_true
 
     @property
     def miss(self) -> float:

@@ -28,7 +28,7 @@ BIN_M = 0.5
 @dataclass(frozen=True, eq=False)
 class Plane:
     """A wall (axis 0 or 1), floor or ceiling (axis 2). low_m, high_m: extent seen, along the wall. hits: tracks attached.
-    last_seen: index of the view. paired: its distance to the opposite wall has been used once. support: hits per stretch
+    paired: its distance to the opposite wall has been used once. support: hits per stretch
     of BIN_M along the wall, by number of the stretch. sides: tracks seen from where the coordinate across the wall is lower,
     and from where it is higher."""
 
@@ -39,7 +39,6 @@ class Plane:
     low_m: float
     high_m: float
     hits: int = 0
-    last_seen: int = 0
     paired: bool = False
     support: Mapping[int, int] = field(default_factory=dict)
     sides: tuple[int, int] = (0, 0)

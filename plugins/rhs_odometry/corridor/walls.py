@@ -75,15 +75,15 @@ def within(plane: Plane, points: np.ndarray, reach_m: float) -> np.ndarray:
     return (along > plane.low_m - reach_m) & (along < plane.high_m + reach_m)
 
 
-def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, cameras: np.ndarray, view: int) -> list[Plane]:
-    """The planes with the extents, counts, sides and last views of the tracks found on them: wall (T,), points (T, 3), and
+def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, cameras: np.ndarray) -> list[Plane]:
+    """The planes with the extents, counts and sides of the tracks found on them: wall (T,), points (T, 3), and
     from where each was seen last, cameras (T, 3)."""
     out = list(planes)
     for j in np.unique(wall[wall >= 0]):
         p, hit = out[j], points[wall == j]
         above = int((cameras[wall == j] @ p.normal() > p.level()).sum())
         sides = (p.sides[0] + len(hit) - above, p.sides[1] + above)
-        out[j] = with_hits(replace(p, last_seen=view, sides=sides), hit[:, p.along])
+        out[j] = with_hits(replace(p, sides=sides), hit[:, p.along])
     return out
 
 
@@ -116,10 +116,10 @@ class WallFinder:
     def rescale(self, factor: float, centre: np.ndarray) -> None:
         self._points = centre + factor * (self._points - centre)
 
-    def find(self, planes: list[Plane], view: int) -> Plane | None:
+    def find(self, planes: list[Plane]) -> Plane | None:
         """The best supported new wall (floor and ceiling only once two walls are known), or None."""
         axes = (0, 1, 2) if sum(not p.is_floor for p in planes) >= 2 else (0, 1)
-        found = [self._best_slot(axis, planes, view) for axis in axes]
+        found = [self._best_slot(axis, planes) for axis in axes]
         ranked = sorted((f for f in found if f is not None), key=lambda f: -f[0])
         if not ranked:
             return None
@@ -127,7 +127,7 @@ class WallFinder:
         self._points, self._views = self._points[~used], self._views[~used]
         return plane
 
-    def _best_slot(self, axis: int, planes: list[Plane], view: int):
+    def _best_slot(self, axis: int, planes: list[Plane]):
         """(support, plane, mask of its points) of the fullest slot along one axis, or None."""
         r, values = self._rules, self._points[:, axis]
         if len(values) < r.points:
@@ -141,7 +141,7 @@ class WallFinder:
         used = free & (values >= start) & (values <= start + r.slot_m)
         if used.sum() < r.points or not self._spread_out(axis, self._points[used]):
             return None
-        return int(used.sum()), self._plane(axis, self._points[used], view), used
+        return int(used.sum()), self._plane(axis, self._points[used]), used
 
     def _unclaimed(self, axis: int, planes: list[Plane]) -> np.ndarray:
         """Points not near a known plane of this axis; of floor and ceiling each only one may exist."""
@@ -168,10 +168,10 @@ class WallFinder:
         stretches = len(np.unique(np.floor(along / 0.2)))
         return bool(np.ptp(along) >= r.spread_m and stretches >= r.bins and bands >= r.heights)
 
-    def _plane(self, axis: int, points: np.ndarray, view: int) -> Plane:
+    def _plane(self, axis: int, points: np.ndarray) -> Plane:
         along = points[:, 1 - axis] if axis < 2 else points[:, 0]
         offset, pivot = float(np.median(points[:, axis])), float(along.mean())
-        return with_hits(Plane(axis, offset, 0.0, pivot, float(along.min()), float(along.max()), 0, view), along)
+        return with_hits(Plane(axis, offset, 0.0, pivot, float(along.min()), float(along.max())), along)
 
 
 def merge_one(state: CorridorState, rules: WallRules) -> bool:
@@ -218,7 +218,6 @@ def _join(state: CorridorState, i: int, j: int) -> None:
         high_m=max(a.high_m, b.high_m),
         hits=a.hits + b.hits,
         support={k: a.support.get(k, 0) + b.support.get(k, 0) for k in {*a.support, *b.support}},
-        last_seen=max(a.last_seen, b.last_seen),
         paired=a.paired or b.paired,
         sides=(a.sides[0] + b.sides[0], a.sides[1] + b.sides[1]),
     )
