@@ -35,7 +35,7 @@ def test_a_wheel_holds_packages_settings_and_worlds(wheel):
     top = {name.split("/")[0] for name in names}
     assert all(part == "rhs" or part.startswith(("rhs_", "rhs-")) for part in top), top
     for path in ("rhs/data/conf/config.yaml", "rhs/data/conf/stack/rgbd.yaml", "rhs/data/worlds/square.yaml", "rhs/py.typed",
-                 "rhs_planners/prm_config.py", "rhs_tasks/planning/task.py", "rhs_replan/__init__.py"):
+                 "rhs_planners/config.py", "rhs_tasks/planning/task.py", "rhs_replan/__init__.py"):
         assert path in names
     assert not [name for name in names if "/results/" in name or name.endswith(".pyc")]
 

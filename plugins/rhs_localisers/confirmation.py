@@ -114,30 +114,25 @@ class Contradiction:
 
     A named place counts against a sharp belief only when `repeats` views in a row name it, at poses that differ by the
     motion between them: a look-alike seldom stays one as the robot moves. Against a belief that is `held` it takes
-    `against` of them over `against_m`."""
+    `against` of them over `against_m`. pending: checked views in a row that have named another place."""
 
     def __init__(self, rules: ConfirmationRules = USUAL) -> None:
         self._rules = rules
         self._forget()
 
     def _forget(self) -> None:
-        self._count, self._way_m, self._silent_m = 0, 0.0, 0.0
+        self.pending, self._way_m, self._silent_m = 0, 0.0, 0.0
         self._named = np.empty((0, 3))
-
-    @property
-    def pending(self) -> int:
-        """Checked views in a row that have named another place than the one believed in."""
-        return self._count
 
     def chance(self, *, held: bool) -> float:
         """What the belief keeps of its chance: each place named elsewhere takes half of it, or 3 % of a belief that is
         held; there no more of them count than would overthrow it."""
-        return 0.97 ** min(self._count, self._rules.against) if held else 0.5**self._count
+        return 0.97 ** min(self.pending, self._rules.against) if held else 0.5**self.pending
 
     def move(self, previous_from_body: np.ndarray) -> None:
         """The robot moved (4x4), and so would the named places have."""
         self._named = np.array([planar(se2(*pose) @ previous_from_body) for pose in self._named]).reshape(-1, 3)
-        way_m = float(np.hypot(*planar(previous_from_body)[:2])) if self._count else 0.0
+        way_m = float(np.hypot(*planar(previous_from_body)[:2])) if self.pending else 0.0
         self._way_m, self._silent_m = self._way_m + way_m, self._silent_m + way_m
         if self._silent_m > self._rules.forgotten_m:
             self._forget()
@@ -149,11 +144,11 @@ class Contradiction:
             return True
         self._silent_m = 0.0
         again = any(same_place(pose, mean, self._rules) for mean in self._named for pose in named)
-        self._count, self._way_m = (self._count + 1, self._way_m) if again else (1, 0.0)
+        self.pending, self._way_m = (self.pending + 1, self._way_m) if again else (1, 0.0)
         self._named = np.array(named).reshape(-1, 3)
         if held:
-            return self._count >= self._rules.against and self._way_m >= self._rules.against_m
-        return self._count >= self._rules.repeats
+            return self.pending >= self._rules.against and self._way_m >= self._rules.against_m
+        return self.pending >= self._rules.repeats
 
 
 def possible(answer: PlaceAnswer, walls: ScanMatcher | None, rules: ConfirmationRules = USUAL) -> list[Recognised]:

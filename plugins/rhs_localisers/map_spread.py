@@ -14,9 +14,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from rhs.api.geometry import adjoint, inverse
+from rhs.api.geometry import compose_covariance, inverse
 from rhs.api.records import View
 from rhs.estimation.filters.pose_hypotheses import PLANE, Hypothesis
+
+NONE = np.zeros((6, 6))  # a motion adds nothing to what the map errs by
 
 
 class MapSpread:
@@ -33,7 +35,7 @@ class MapSpread:
         if not len(self._poses):
             return np.zeros((6, 6))
         nearest = int(np.argmin(np.linalg.norm(self._poses[:, :2, 3] - map_from_body[:2, 3], axis=1)))
-        return _carried(self._covariances[nearest], inverse(self._poses[nearest]) @ map_from_body)
+        return compose_covariance(self._covariances[nearest], inverse(self._poses[nearest]) @ map_from_body, NONE)
 
     def begin(self, map_from_body: np.ndarray | None) -> None:
         """From this pose on; from None: from the next belief on."""
@@ -42,7 +44,7 @@ class MapSpread:
 
     def move(self, previous_from_body: np.ndarray) -> None:
         """Odometry carries the error along."""
-        self.covariance = _carried(self.covariance, previous_from_body)
+        self.covariance = compose_covariance(self.covariance, previous_from_body, NONE)
 
     def follow(self, before: Hypothesis | None, after: Hypothesis | None) -> None:
         """Places and scans made the best guess, as it was predicted, another one."""
@@ -64,10 +66,3 @@ class MapSpread:
         left = np.clip(left, 0.0, 1.0)
         keeps, takes = (PLANE.T @ root @ (axes * np.sqrt(part)) @ axes.T @ back @ PLANE for part in (left, 1.0 - left))
         self.covariance = keeps @ self.covariance @ keeps.T + takes @ self.at(map_from_body) @ takes.T
-
-
-def _carried(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """The covariance (6, 6) of a pose as that of the pose one motion (4, 4) further on."""
-    move = adjoint(inverse(motion))
-    out: np.ndarray = move @ covariance @ move.T
-    return out

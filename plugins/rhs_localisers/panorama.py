@@ -139,8 +139,7 @@ class Whereabouts:
         if not len(self._lattice):
             return np.zeros(len(believed))  # a map without free room
         anywhere = self.heights(scan, self._lattice)
-        odds: np.ndarray = self.heights(scan, believed) - np.logaddexp.reduce(anywhere) + np.log(len(anywhere))
-        return odds
+        return self.heights(scan, believed) - np.logaddexp.reduce(anywhere) + np.log(len(anywhere))
 
     def heights(self, scan: Scan, states: np.ndarray) -> np.ndarray:
         """(N,) log-likelihood of a scan at states (N, 3)."""

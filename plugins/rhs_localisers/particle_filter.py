@@ -36,9 +36,9 @@ from rhs.estimation.scans.likelihood_field import LikelihoodField
 from rhs.estimation.views.motion_consistency import Continuity, scan_continuity
 
 from .advanced import ParticleAdvanced, ScanAdvanced
+from .config import ParticleFilter, ParticleFilterScan
 from .confirmation import Confirmation, Contradiction
 from .map_spread import MapSpread
-from .particle_filter_config import ParticleFilter, ParticleFilterScan
 from .particle_places import NamedPlaces, PlaceEvidence
 from .scan_fit import FitWatch
 from .scan_search import rivals, summits, throws
@@ -240,7 +240,7 @@ class ParticleLocaliser:
             return
         self._cloud, gain = reweighted(self._cloud, named.log_likelihood(self._cloud.states))
         fresh = even(named.draw(max(self._settings.particles_min // 2, 1), self._rng))
-        there = self._elsewhere * named.hit
+        there = self._elsewhere * named.p_true
         here = (1.0 - self._elsewhere) * float(np.exp(min(gain, 50.0)))
         rest = self._elsewhere * named.miss
         total = there + here + rest

@@ -22,9 +22,9 @@ from rhs.estimation.views.retrieval import Vlad
 from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
 from .advanced import ConfirmationRules, ParticleAdvanced
+from .config import ParticleFilter
 from .confirmation import fits, possible, same_place
 from .continuity_watch import ContinuityWatch
-from .particle_filter_config import ParticleFilter
 
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
 CELL_M, HEADINGS = 0.25, 24  # of the table "which stored view is nearest to this pose"
@@ -33,19 +33,15 @@ CELL_M, HEADINGS = 0.25, 24  # of the table "which stored view is nearest to thi
 @dataclass(frozen=True, eq=False)
 class NamedPlaces:
     """Verified places of one view. claims: (mean (3,), covariance (3, 3), share) each. areas: how many places could have
-    been named; p_true: chance that a named place is right. Likelihoods are relative to that of a random naming. strong: the
-    best of them explains so much of the view that it can confirm."""
+    been named; p_true: chance that a named place is right, and likelihood of the claims for a robot that stands where they
+    say, but was not expected there. Likelihoods are relative to that of a random naming. strong: the best of them explains
+    so much of the view that it can confirm."""
 
     claims: tuple[tuple[np.ndarray, np.ndarray, float], ...]
     areas: float
     p_true: float
     strong: bool = True
     rules: ConfirmationRules = ConfirmationRules()
-
-    @property
-    def hit(self) -> float:
-        """Likelihood of these claims for a robot that stands where they say, but was not expected there."""
-        return self.p_true
 
     @property
     def miss(self) -> float:
@@ -157,7 +153,7 @@ class NearestView:
 
     def __init__(self, memory: Memory, s: ParticleAdvanced) -> None:
         near_rad = np.radians(s.near_deg)
-        stands = np.array([planar(pose) for pose in memory.poses]).reshape(-1, 3)
+        stands = memory.stands
         self._table: np.ndarray = np.full((1, 1, HEADINGS), -1)
         if len(stands) == 0:
             self._corner = np.zeros(2)

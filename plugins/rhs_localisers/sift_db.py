@@ -43,12 +43,12 @@ from rhs.estimation.views.place_database import PlaceAnswer, PlaceDatabase, Reco
 from rhs.estimation.views.place_memory import memory_of
 from rhs.estimation.views.settings import PlaceSettings, SightingSettings
 
+from .config import SiftDb
 from .confirmation import Confirmation, Contradiction, fits, hidden, possible
 from .continuity_watch import ContinuityWatch
 from .map_spread import MapSpread
 from .panorama import LookRound
 from .scan_guess import drifted, laid_on_map
-from .sift_db_config import SiftDb
 
 NOWHERE = np.diag([100.0] * 3 + [10.0] * 3)  # covariance of an unknown pose, square metres and square radians
 
@@ -321,8 +321,7 @@ def left_on_loop(at_end: np.ndarray, share: float) -> np.ndarray:
 
 def flat(place_m2: float, turn_rad2: float) -> np.ndarray:
     """(6, 6) of a pose on the floor, alike in all directions."""
-    out: np.ndarray = np.diag([place_m2, place_m2, 0.0, 0.0, 0.0, turn_rad2])
-    return out
+    return np.diag([place_m2, place_m2, 0.0, 0.0, 0.0, turn_rad2])
 
 
 def _inliers(answer: PlaceAnswer) -> float:

@@ -14,7 +14,7 @@ from rhs.api.records import View
 from rhs.estimation.views.place_memory import StoredDescriptors
 from rhs.estimation.views.retrieval import Vlad
 
-from .pose_graph_config import PoseGraph
+from .config import PoseGraph
 
 BLOCK = 64  # views
 

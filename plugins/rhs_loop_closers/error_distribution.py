@@ -31,7 +31,7 @@ from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.views.loops import closing_gap, covariances_of, ends_meet, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
 
-from .error_distribution_config import ErrorDistribution
+from .config import ErrorDistribution
 
 UNUSED = "not used: more key-points agree on another closure"
 
@@ -72,7 +72,7 @@ class ErrorSpreader:
         if shift_m <= self._settings.advanced.base_m + self._settings.max_drift_share * way_m:
             return edge
         reason = f"moves the end by {shift_m:.1f} m after {way_m:.1f} m of way"
-        return LoopEdge(edge.earlier, edge.later, edge.earlier_from_later, edge.covariance, edge.inliers, False, reason)
+        return replace(edge, accepted=False, reason=reason)
 
 
 def spread(poses: np.ndarray, edge: LoopEdge, *, turned: bool = False) -> np.ndarray:

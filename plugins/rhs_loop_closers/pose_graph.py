@@ -31,14 +31,14 @@ from rhs.api.records import Closure, LoopEdge, View
 from rhs.estimation.filters.kalman import gate
 from rhs.estimation.filters.key_poses import KeyPoses, key_rows
 from rhs.estimation.filters.pose_graph import CommonScale, Edges, Solution, joined, log_poses, marginals, optimise
+from rhs.estimation.scans.planar_poses import flat, lifted
 from rhs.estimation.scans.scan_loops import scan_edges
 from rhs.estimation.views.edge_consistency import agreement, largest_agreeing, supported, surprise
 from rhs.estimation.views.loops import closing_gap, edge_between, in_a_hand, poses_of, travelled_m
 from rhs.estimation.views.settings import SightingSettings
 
-from .advanced import PoseGraphAdvanced
 from .candidates import beside, possible_pairs, progress_m, spread
-from .pose_graph_config import PoseGraph
+from .config import PoseGraph, PoseGraphAdvanced
 from .walls import WallGraph, crooked, followed, wall_graph
 
 ANYWHERE = 1e3  # metres and radians: says nothing
@@ -281,12 +281,7 @@ def _motion_covariances(views: Sequence[View], way_m: np.ndarray, settings: Pose
 def level_edges(poses: np.ndarray, s: PoseGraphAdvanced, *, share: float = 1.0) -> Edges:
     """A robot on a floor: every pose lies in the plane of the first and stands upright, wherever in it (loops of few points
     err in height and tilt, which the floor knows). share: that these poses are of all, for which they speak."""
-    level = np.broadcast_to(np.eye(4), (max(len(poses) - 1, 0), 4, 4)).copy()
-    seen = inverse(poses[:1]) @ poses[1:]
-    yaw = np.arctan2(seen[:, 1, 0], seen[:, 0, 0])
-    level[:, 0, 0] = level[:, 1, 1] = np.cos(yaw)
-    level[:, 1, 0], level[:, 0, 1] = np.sin(yaw), -np.sin(yaw)
-    level[:, :2, 3] = seen[:, :2, 3]
+    level = lifted(flat(inverse(poses[:1]) @ poses[1:]))
     sigma = np.array([ANYWHERE, ANYWHERE, s.level_m, s.level_rad, s.level_rad, ANYWHERE])
     count = len(level)
     return Edges(np.zeros(count, int), np.arange(1, count + 1), level, np.tile(share * np.diag(sigma**2), (count, 1, 1)),

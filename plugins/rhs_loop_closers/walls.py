@@ -24,8 +24,8 @@ from rhs.estimation.filters.pose_graph import Edges, adjoints
 from rhs.estimation.scans.planar_poses import between
 from rhs.estimation.scans.wall_lines import WallLine, find_wall_lines
 
-from .advanced import WallSettings
 from .candidates import progress_m
+from .config import WallSettings
 
 
 @dataclass

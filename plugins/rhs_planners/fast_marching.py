@@ -27,7 +27,7 @@ _SOURCE_CELLS = 3  # half width of the square round the goal that gets exact tim
 
 
 class FastMarchingPlanner(CellPlanner):
-    """Settings: fast_marching_config.FastMarching."""
+    """Settings: config.FastMarching."""
 
     def __init__(self, settings):
         super().__init__(settings)

@@ -22,7 +22,7 @@ _RESULT = nb.types.Tuple((NEW_POINTS, nb.int64, nb.types.Array(nb.int64, 1, "C")
 
 
 class GridSearch(CellPlanner):
-    """Settings: grid_search_config.AStar or ThetaStar."""
+    """Settings: config.AStar or ThetaStar."""
 
     def solve(self, task: Task) -> Path:
         cells, expanded, parent = search(task.grid, task.ends, self._settings.expansions, self._settings.any_angle)

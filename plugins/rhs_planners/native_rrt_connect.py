@@ -24,7 +24,7 @@ _SQUARE = 16  # cells a side
 
 
 class NativeRrtConnect(CellPlanner):
-    """Settings: rrt_config.RrtConnect."""
+    """Settings: config.RrtConnect."""
 
     def __init__(self, settings, rng: np.random.Generator):
         super().__init__(settings)

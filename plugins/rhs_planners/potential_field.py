@@ -24,7 +24,7 @@ _FIELD = nb.types.Array(nb.float64, 2, "C")
 
 
 class PotentialFieldPlanner(CellPlanner):
-    """Settings: potential_field_config.PotentialField."""
+    """Settings: config.PotentialField."""
 
     def __init__(self, settings):
         super().__init__(settings)

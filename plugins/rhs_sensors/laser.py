@@ -9,10 +9,10 @@ import numpy as np
 
 from rhs.api.contracts import Context, Sensor
 from rhs.api.errors import ContractError, within
+from rhs.api.frozen import freeze
 from rhs.api.records import Capture, Observation, Scan
 
-from .degrade import Encoders, frozen
-from .wheeled import Wheeled
+from .degrade import Encoders, Wheeled
 
 
 @dataclass
@@ -62,4 +62,4 @@ class LaserSensor:
         with np.errstate(invalid="ignore"):
             ranges = np.where(ranges < settings.min_range_m, np.nan, ranges)
             ranges = np.where(ranges > reach, np.inf, ranges)
-        return Scan(scan.bearings_rad, frozen(ranges), reach, scan.origin_xy_m)
+        return Scan(scan.bearings_rad, freeze(ranges), reach, scan.origin_xy_m)

@@ -9,9 +9,8 @@ import numpy as np
 
 from rhs.api.contracts import Context, Sensor
 from rhs.api.errors import Bounded, ContractError, within
+from rhs.api.frozen import freeze
 from rhs.api.records import Capture, Observation, Scan
-
-from .degrade import frozen
 
 
 @dataclass
@@ -44,12 +43,12 @@ class LidarSensor:
     def __init__(self, settings: Lidar, context: Context) -> None:
         self._settings, self._camera = settings, context.camera
         step = 2.0 * np.pi / settings.beams
-        self._bearings = frozen((np.arange(settings.beams) + 0.5) * step - np.pi)
+        self._bearings = freeze((np.arange(settings.beams) + 0.5) * step - np.pi)
 
     def sense(self, capture: Capture) -> Observation:
         if "cloud" not in capture.extras:
             raise ContractError(f"capture {capture.index} has no cloud; sensor=lidar needs a recording with point clouds")
-        travel = None if capture.travel is None else frozen(np.array(capture.travel, float))
+        travel = None if capture.travel is None else freeze(np.array(capture.travel, float))
         return Observation(capture.index, capture.stamp_s, self._camera, scan=self._scan(capture.extras["cloud"]),
                            command=capture.command, wheel=travel)
 
@@ -63,4 +62,4 @@ class LidarSensor:
         beam = np.minimum(((turn + np.pi) * (s.beams / (2.0 * np.pi))).astype(int), s.beams - 1)
         nearest = np.full(s.beams, np.inf)
         np.minimum.at(nearest, beam, ranges[used])
-        return Scan(self._bearings, frozen(np.where(np.isfinite(nearest), nearest, np.nan)), s.max_range_m)
+        return Scan(self._bearings, freeze(np.where(np.isfinite(nearest), nearest, np.nan)), s.max_range_m)

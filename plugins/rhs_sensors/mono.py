@@ -9,8 +9,7 @@ from rhs.api.contracts import Context, Sensor
 from rhs.api.errors import within
 from rhs.api.records import Capture, Observation
 
-from .degrade import Encoders, image_of, noisy_image
-from .wheeled import Wheeled
+from .degrade import Encoders, Wheeled, image_of, noisy_image
 
 
 @dataclass

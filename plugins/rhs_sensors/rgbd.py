@@ -10,7 +10,7 @@ from rhs.api.errors import ConfigError, within
 from rhs.estimation.scans.settings import BandSettings
 from rhs.estimation.views.settings import DepthNoiseSettings
 
-from .wheeled import Wheeled
+from .degrade import Wheeled
 
 
 @dataclass

@@ -10,19 +10,19 @@ Depth noise and range: Nguyen, Izadi and Lovell 2012 (section 4.1) and Khoshelha
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from rhs.api.contracts import Context
+from rhs.api.frozen import freeze
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture, Observation, Scan
 from rhs.estimation.scans.obstacle_scan import ObstacleScanner, levelled
 from rhs.estimation.views.depth_noise import DepthLevel, mended
 
-from .degrade import Encoders, depth_of, frozen, image_of, noisy_image
+from .degrade import Encoders, depth_of, image_of, noisy_image
 from .noise import chosen, measure_depth, normal
 from .rgbd import Rgbd
+from .stereo import Stereo
 
 
 class RgbdSensor:
@@ -68,7 +68,7 @@ class RgbdSensor:
         level = self._level.look(depth)
         if level > rules.above:
             smooth, side_px = mended(depth, level, max_range_m=self._settings.max_range_m, settings=rules)
-            depth, times = frozen(smooth), max(1.0, self._left.look(smooth, side_px))
+            depth, times = freeze(smooth), max(1.0, self._left.look(smooth, side_px))
         if self._band is None:
             return depth, self._rows.scan(depth), None, times
         floor = self._band.floor(self._band.thinned(depth))
@@ -87,10 +87,10 @@ class RgbdSensor:
         depth = np.array(ideal, np.float32, order="C")
         if noise:
             which = chosen(self._depth_rng, depth.size)
-            return frozen(measure_depth(depth.reshape(-1), which, normal(), *self._law).reshape(depth.shape))
+            return freeze(measure_depth(depth.reshape(-1), which, normal(), *self._law).reshape(depth.shape))
         with np.errstate(invalid="ignore"):
             depth[~((depth >= settings.min_range_m) & (depth <= settings.max_range_m))] = np.nan
-        return frozen(depth)
+        return freeze(depth)
 
 
 def law_of(settings: Rgbd) -> tuple[tuple[np.float32, np.float32], ...]:
@@ -101,14 +101,6 @@ def law_of(settings: Rgbd) -> tuple[tuple[np.float32, np.float32], ...]:
     return tuple((np.float32(first), np.float32(second)) for first, second in pairs)
 
 
-class RowSettings(Protocol):
-    """What a scan of rows reads of the settings of a sensor."""
-
-    beams: int
-    scan_rows: int
-    max_range_m: float
-
-
 class ScanRows:
     """Reads a depth image as a planar scan: in each column the pixel whose ray is level, so that every beam runs at the
     camera's height, whatever its pitch. For an upright camera this is the row nearest to cy, the thesis's middle row.
@@ -116,7 +108,7 @@ class ScanRows:
     A column without a level ray (a camera that looks up or down too much) has no beam: its range is always NaN.
     """
 
-    def __init__(self, camera: Camera, settings: RowSettings) -> None:
+    def __init__(self, camera: Camera, settings: Rgbd | Stereo) -> None:
         count = min(settings.beams or camera.width, camera.width)
         columns = np.rint(np.linspace(camera.width - 1, 0, count)).astype(int)  # right to left: bearings increase
         rows = _level_rows(camera, columns)
@@ -126,7 +118,7 @@ class ScanRows:
         self._rows = self._rows.astype(int)
         self._level = (rows > -0.5) & (rows < camera.height - 0.5)
         rays = camera.rays(np.stack([columns, rows], axis=1).astype(float)) @ camera.body_from_camera[:3, :3].T
-        self._bearings = frozen(np.arctan2(rays[:, 1], rays[:, 0]))
+        self._bearings = freeze(np.arctan2(rays[:, 1], rays[:, 0]))
         self._stretch = np.hypot(rays[:, 0], rays[:, 1])  # metres along the floor per metre of depth
         self._max_range_m = settings.max_range_m
         self._origin = (float(camera.body_from_camera[0, 3]), float(camera.body_from_camera[1, 3]))
@@ -137,7 +129,7 @@ class ScanRows:
         middle = rows[0] if len(rows) == 1 else known_median(rows)
         ranges = middle.astype(float) * self._stretch
         ranges[~self._level | ~(ranges <= self._max_range_m)] = np.nan
-        return Scan(self._bearings, frozen(ranges), self._max_range_m, self._origin)
+        return Scan(self._bearings, freeze(ranges), self._max_range_m, self._origin)
 
 
 def known_median(rows: np.ndarray) -> np.ndarray:

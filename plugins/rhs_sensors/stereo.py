@@ -9,7 +9,7 @@ from rhs.api.contracts import Context, Sensor
 from rhs.api.errors import Bounded, ConfigError, within
 from rhs.estimation.scans.settings import BandSettings, FloorEndSettings
 
-from .wheeled import Wheeled
+from .degrade import Wheeled
 
 
 @dataclass

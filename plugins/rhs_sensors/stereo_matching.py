@@ -8,7 +8,6 @@ image needs to know that there was a pair.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -145,8 +144,3 @@ def _map(pixels: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """x and y (H, W) float32 for cv2.remap; what cannot be seen lies outside."""
     grid = np.nan_to_num(pixels, nan=-1e4).reshape(camera.height, camera.width, 2).astype(np.float32)
     return np.ascontiguousarray(grid[..., 0]), np.ascontiguousarray(grid[..., 1])
-
-
-def reach(settings: Stereo, pair: StereoPair) -> Stereo:
-    """The settings with the range that this pair really has, for whoever reads its depth."""
-    return replace(settings, max_range_m=float(pair.max_range_m))

@@ -3,19 +3,22 @@ before plain walls, which have no disparity, where the floor ends."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rhs.api.contracts import Context
 from rhs.api.errors import ContractError
+from rhs.api.frozen import freeze
 from rhs.api.records import Capture, Observation, Scan
 from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_of
 from rhs.estimation.scans.floor_end import FloorEnds, filled
 from rhs.estimation.scans.obstacle_scan import ObstacleScanner
 
-from .degrade import Encoders, frozen, image_of, noisy_image, size
+from .degrade import Encoders, image_of, noisy_image, size
 from .rgbd_sensor import ScanRows
 from .stereo import Stereo
-from .stereo_matching import StereoPair, reach
+from .stereo_matching import StereoPair
 
 
 class StereoSensor:
@@ -36,7 +39,7 @@ class StereoSensor:
         pair = self._pair or self._meet(capture)
         sigma = self._settings.image_sigma if self._settings.noise and not capture.sensed else 0.0
         image, right = noisy_image(clean, sigma, self._left_rng), noisy_image(clean_right, sigma, self._right_rng)
-        depth = frozen(pair.depth(image, right))
+        depth = freeze(pair.depth(image, right))
         scan, obstacle = self._scans(depth)
         return Observation(
             capture.index,
@@ -81,7 +84,7 @@ class StereoSensor:
     def _meet(self, capture: Capture) -> StereoPair:
         """Get to know the second camera."""
         self._pair = pair = StereoPair(self._camera, camera_of(capture.extras[RIGHT_CAMERA]), self._settings)
-        self._rows = ScanRows(self._camera, reach(self._settings, pair))
+        self._rows = ScanRows(self._camera, replace(self._settings, max_range_m=float(pair.max_range_m)))
         if self._camera.height_m > 0.0:  # of a recording whose camera hangs nobody knows where, nobody knows the floor
             advanced = self._settings.advanced
             self._band = ObstacleScanner(self._camera, advanced.obstacle, max_range_m=pair.max_range_m)

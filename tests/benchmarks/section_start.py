@@ -20,8 +20,8 @@ import numpy as np
 from shared import write
 
 from rhs.api.geometry import camera_from_fov, inverse, log_so3, se2
+from rhs_odometry.section.config import SectionEkf, TubeEkf
 from rhs_odometry.section.ekf import section_core
-from rhs_odometry.section.ekf_config import SectionEkf, TubeEkf
 from rhs_odometry.tracks import synthetic
 from rhs_odometry.tracks.monocular import MonocularOdometry
 from rhs_odometry.tracks.track_frames import TrackFrame, Tracks

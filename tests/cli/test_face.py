@@ -200,7 +200,7 @@ def test_an_object_takes_nobody_elses_name():
     own = dataclass(type("Prm", (Direct,), {"__module__": __name__, "__qualname__": "Prm"}))
     config = config_of({"task": "planning", "world": "map1", "planner": own()})
     assert config.planner.name == "prm_2" and type(config.planner.settings) is own
-    assert registry.load("planner", "prm").__module__ == "rhs_planners.prm_config"
+    assert registry.load("planner", "prm").__module__ == "rhs_planners.config"
 
 
 def test_a_registered_plugin_is_chosen_by_its_word():

@@ -13,7 +13,7 @@ from rhs.estimation.scans.scan_loops import ScanLoopSettings, scan_edges
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.scans.settings import MatchSettings
 from rhs.estimation.views.loops import travelled_m
-from rhs_loop_closers.pose_graph_config import PoseGraph
+from rhs_loop_closers.config import PoseGraph
 
 PRIOR = np.diag([0.2**2, 0.2**2, 0.06**2])
 

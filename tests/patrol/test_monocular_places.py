@@ -13,8 +13,7 @@ from rhs.estimation.views.features import features
 from rhs.estimation.views.place_database import PlaceDatabase, PlaceSettings
 from rhs.estimation.views.place_memory import memory_of
 from rhs.testing.room import HIGH, LOW
-from rhs_loop_closers.error_distribution_config import ErrorDistribution
-from rhs_loop_closers.pose_graph_config import PoseGraph
+from rhs_loop_closers.config import ErrorDistribution, PoseGraph
 
 WRONG_M = 0.03  # each wall stands so far outside its true place, as an odometry of one camera might have it
 TRUTH = ring(24)

@@ -14,9 +14,7 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov, inverse, log_se3, se2
 from rhs.api.records import FeatureSettings, Observation, Tracking
 from rhs_odometry.clouds.clouds import CloudMaker, observability
-from rhs_odometry.clouds.gicp_config import Gicp
-from rhs_odometry.clouds.kiss_icp_config import KissIcp
-from rhs_odometry.clouds.settings import CloudAdvanced
+from rhs_odometry.clouds.config import CloudAdvanced, Gicp, KissIcp
 
 ROOM_CAMERA = camera_from_fov(160, 120, 70.0, height_m=1.0)
 TEXTURES = paintings()

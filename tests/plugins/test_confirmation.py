@@ -15,10 +15,9 @@ from rhs.estimation.views.explainability import expected
 from rhs.estimation.views.features import share
 from rhs.estimation.views.motion_consistency import Continuity
 from rhs_localisers.advanced import ConfirmationRules
+from rhs_localisers.config import ParticleFilter, SiftDb
 from rhs_localisers.confirmation import Confirmation, Contradiction, fits, hidden
 from rhs_localisers.continuity_watch import ContinuityWatch
-from rhs_localisers.particle_filter_config import ParticleFilter
-from rhs_localisers.sift_db_config import SiftDb
 
 STILL, ON = np.eye(4), se2(0.26, 0.0, 0.0)
 GOES_ON, UNKNOWN, BROKEN = Continuity.GOES_ON, Continuity.UNKNOWN, Continuity.BROKEN

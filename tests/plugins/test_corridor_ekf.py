@@ -7,8 +7,8 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import planar, se2, wrap
 from rhs.api.records import Tracking
 from rhs.estimation.filters.kalman import nees
+from rhs_odometry.corridor.config import CorridorEkf
 from rhs_odometry.corridor.ekf import Ledger, corridor_core
-from rhs_odometry.corridor.ekf_config import CorridorEkf
 from rhs_odometry.tracks import synthetic
 from rhs_odometry.tracks.monocular import MonocularOdometry, StructureAlarm
 from rhs_odometry.tracks.track_frames import TrackFrame
@@ -157,8 +157,8 @@ def test_a_filter_that_doubts_says_so_with_a_wider_covariance():
 
 def test_what_fixes_the_scale_is_said():
     """Of a camera nothing but these can: its height above the floor, the corridors' width, the motion it was told."""
+    from rhs_odometry.corridor.config import CorridorEkf
     from rhs_odometry.corridor.ekf import scale_from
-    from rhs_odometry.corridor.ekf_config import CorridorEkf
 
     assert scale_from(CorridorEkf()) == "camera height + command"
     assert scale_from(CorridorEkf(width_m=2.0)) == "camera height + width 2 m + command"

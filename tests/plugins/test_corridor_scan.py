@@ -71,7 +71,7 @@ def test_a_wall_remembers_from_which_side_it_was_seen():
     plane = Plane(1, 1.0, 0.0, 0.0, 0.0, 0.0)
     points = np.column_stack([np.linspace(0, 5, 60), np.ones(60), np.ones(60)])
     cameras = np.tile([2.0, 0.0, 1.2], (60, 1))
-    seen = record_hits([plane], np.zeros(60, int), points, cameras, 3)[0]
+    seen = record_hits([plane], np.zeros(60, int), points, cameras)[0]
     assert seen.sides == (60, 0) and seen.hits == 60
     one = walls_of([seen], np.column_stack([np.linspace(0, 5, 50), np.zeros(50)]))[0]
     assert (one.left, one.right) == (False, True)  # the path, at lower y, is on the right of the way eastwards

@@ -63,7 +63,7 @@ def test_a_new_wall_is_independent_at_first():
 def test_rescaling_is_a_similarity_about_the_start():
     state = start()
     state.append_clone(MOVE, 0.01)
-    state.add_plane(Plane(0, 3.0, 0.01, 2.5, 2.0, 4.0, 5, 0), (0.5, 0.003))
+    state.add_plane(Plane(0, 3.0, 0.01, 2.5, 2.0, 4.0, 5), (0.5, 0.003))
     state.add_plane(Plane(2, 0.0, 0.0, 0.0, 0.0, 4.0), (0.1, 1e-4))
     before, sigma = state.clones.copy(), np.sqrt(np.diag(state.covariance))
     state.rescale(2.0, np.array([1.0, 2.0, 1.2]))
@@ -96,10 +96,10 @@ def wall_points(rng: np.random.Generator, n: int = 40) -> np.ndarray:
 def test_a_wall_of_points_is_found():
     finder = WallFinder(WallRules(), camera_height_m=1.2)
     finder.remember(wall_points(np.random.default_rng(0)), 3)
-    plane = finder.find([], 3)
+    plane = finder.find([])
     assert plane is not None and plane.axis == 1
     assert plane.offset_m == pytest.approx(1.0, abs=0.03)
-    assert finder.find([plane], 3) is None  # its points are used up
+    assert finder.find([plane]) is None  # its points are used up
 
 
 def test_two_small_paintings_facing_each_other_are_not_a_wall():
@@ -108,7 +108,7 @@ def test_two_small_paintings_facing_each_other_are_not_a_wall():
     paintings = np.column_stack([3 + 0.06 * rng.uniform(-1, 1, 40), np.repeat([1.0, -1.0], 20), rng.uniform(1, 1.6, 40)])
     finder = WallFinder(WallRules(), camera_height_m=1.2)
     finder.remember(paintings, 3)
-    assert finder.find([], 3) is None
+    assert finder.find([]) is None
 
 
 def test_a_skirting_board_is_not_a_wall():
@@ -116,7 +116,7 @@ def test_a_skirting_board_is_not_a_wall():
     row = np.column_stack([rng.uniform(2, 6, 60), np.full(60, 1.0), np.full(60, 0.1)])
     finder = WallFinder(WallRules(), camera_height_m=1.2)
     finder.remember(row, 3)
-    assert finder.find([], 3) is None
+    assert finder.find([]) is None
 
 
 def two_walls(gap: float) -> CorridorState:

@@ -7,8 +7,8 @@ from painted_survey import ring, survey
 
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.records import LoopEdge
+from rhs_loop_closers.config import NoClosing
 from rhs_loop_closers.error_distribution import bridged, spread
-from rhs_loop_closers.none import NoClosing
 
 
 def _edge(earlier, later, earlier_from_later):

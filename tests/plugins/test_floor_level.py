@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rhs.api.geometry import camera_from_fov
-from rhs_odometry.corridor.advanced import FloorRules
+from rhs_odometry.corridor.config import FloorRules
 from rhs_odometry.corridor.fit import cameras_of, fit_free
 from rhs_odometry.corridor.floor_level import FloorLevel
 from rhs_odometry.corridor.state import BodyMotion, CorridorState, Plane

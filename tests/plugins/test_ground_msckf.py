@@ -17,7 +17,7 @@ from rhs.patrol.mission import MissionSettings, turning
 from rhs.testing.checks import check_plugin
 from rhs.testing.room import FURNISHED, context, ranges
 from rhs_odometry.ground.config import GroundMsckf, StixelSettings
-from rhs_odometry.ground.odometry import Drift, ground_filter, halted, standing
+from rhs_odometry.ground.odometry import drift, ground_filter, halted, standing
 from rhs_odometry.ground.stixel_kernels import _over
 from rhs_odometry.ground.stixels import Stixels
 from rhs_odometry.tracks.track_frames import TrackFrame
@@ -169,8 +169,8 @@ def test_views_of_a_patrol_are_compared_with_none_of_the_survey(tmp_path: Path) 
 
 
 def test_what_is_lost_in_a_step_grows_with_way_and_turn_and_most_on_the_spot() -> None:
-    drift = Drift(replace(GroundMsckf(), drift_rad_per_rad=0.0, drift_rad_per_m=0.01, drift_m_per_m=0.02, drift_spot=0.1))
-    on, arc, spot = (drift.covariance(se2(*motion)) for motion in ((0.1, 0, 0), (0.1, 0, 0.2), (0, 0, 0.2)))
+    settings = replace(GroundMsckf(), drift_rad_per_rad=0.0, drift_rad_per_m=0.01, drift_m_per_m=0.02, drift_spot=0.1)
+    on, arc, spot = (drift(settings, se2(*motion)) for motion in ((0.1, 0, 0), (0.1, 0, 0.2), (0, 0, 0.2)))
     assert on[2, 2] == pytest.approx(0.01**2 * 0.1) and on[0, 0] == pytest.approx(0.02**2 * 0.1)
     assert arc[2, 2] == on[2, 2]
     assert spot[2, 2] == pytest.approx(0.1**2 * 0.2) and spot[0, 0] == 0.0

@@ -60,7 +60,8 @@ def drive_without_end(count, held):
             seen = [(k - 1, False)]
             near = int(np.linalg.norm(keyframes.poses[:-1, :3, 3] - truth[-1][:3, 3], axis=1).argmin())
             seen += [(near, True)] if n > every else []
-            keyframes.tie([Edge(a, k, inverse(keyframes.poses[a]) @ truth[-1], 1e-4 * np.eye(6), loop) for a, loop in seen])
+            keyframes.edges += [Edge(a, k, inverse(keyframes.poses[a]) @ truth[-1], 1e-4 * np.eye(6), loop)
+                                for a, loop in seen]
         keyframes.cull(np.zeros(0, int))
     return keyframes, np.array(truth)
 

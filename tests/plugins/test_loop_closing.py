@@ -11,10 +11,8 @@ from rhs.api.records import LoopEdge
 from rhs.estimation.filters.pose_graph import Edges, chain, joined, optimise
 from rhs.estimation.views.edge_consistency import DriftBounds, agreement, largest_agreeing, supported, surprise
 from rhs.estimation.views.loops import travelled_m
-from rhs_loop_closers.advanced import PoseGraphAdvanced
-from rhs_loop_closers.error_distribution_config import ErrorDistribution
+from rhs_loop_closers.config import ErrorDistribution, PoseGraph, PoseGraphAdvanced
 from rhs_loop_closers.pose_graph import Between, level_edges
-from rhs_loop_closers.pose_graph_config import PoseGraph
 
 TRUTH = ring(24)
 

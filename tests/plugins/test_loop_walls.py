@@ -8,7 +8,7 @@ import pytest
 
 from rhs.api.geometry import camera_from_fov, inverse, planar, se2
 from rhs.api.records import FeatureSettings, Motion, Scan, Tracking, View
-from rhs_loop_closers.pose_graph_config import PoseGraph
+from rhs_loop_closers.config import PoseGraph
 from rhs_loop_closers.walls import WallSettings, crooked, followed, wall_graph
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)

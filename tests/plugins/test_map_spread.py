@@ -10,10 +10,9 @@ from rhs.api.geometry import inverse, se2
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.estimation.filters.pose_hypotheses import Hypothesis
+from rhs_localisers.config import ParticleFilter, SiftDb
 from rhs_localisers.map_spread import MapSpread
 from rhs_localisers.odometry_only import OdometryOnly
-from rhs_localisers.particle_filter_config import ParticleFilter
-from rhs_localisers.sift_db_config import SiftDb
 
 SURE, WIDE = np.diag([1e-4] * 3 + [1e-6] * 3), np.diag([0.3**2] * 3 + [np.radians(2.0) ** 2] * 3)
 

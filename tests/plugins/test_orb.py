@@ -11,7 +11,7 @@ from painted_room import observe, paintings
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import camera_from_fov, inverse, log_se3, se2
 from rhs.api.records import FeatureSettings, Observation, Tracking
-from rhs_odometry.features.orb_config import Orb
+from rhs_odometry.features.config import Orb
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0, forward_m=0.1)
 TEXTURES = paintings()

@@ -16,8 +16,8 @@ from rhs.estimation.scans.rays import cast
 from rhs.estimation.scans.scan_match import ScanMatcher
 from rhs.estimation.survey import FURNITURE, at_eye_level
 from rhs_localisers.advanced import PanoramaSettings
+from rhs_localisers.config import SiftDb
 from rhs_localisers.panorama import LookRound, Panorama, Whereabouts
-from rhs_localisers.sift_db_config import SiftDb
 
 USUAL = PanoramaSettings()
 VIEW = np.radians(np.linspace(-30.0, 30.0, 61))

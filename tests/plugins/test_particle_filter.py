@@ -13,8 +13,7 @@ from rhs.api.records import Belief, BeliefStatus, Features, Motion, Observation,
 from rhs.api.settings import make
 from rhs.estimation.scans.rays import cast
 from rhs.estimation.views.features import features, share
-from rhs_localisers.particle_filter_config import ParticleFilter, ParticleFilterScan
-from rhs_localisers.sift_db_config import SiftDb
+from rhs_localisers.config import ParticleFilter, ParticleFilterScan, SiftDb
 
 
 def _house() -> OccupancyGrid:

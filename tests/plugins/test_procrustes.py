@@ -13,8 +13,8 @@ from rhs.api.geometry import camera_from_fov, exp_se3, inverse, log_se3, se2, tr
 from rhs.api.records import Features, FeatureSettings, Observation, Tracking, Twist
 from rhs.api.settings import make
 from rhs.estimation.views.features import share
+from rhs_odometry.features.config import Procrustes
 from rhs_odometry.features.floor import on_floor
-from rhs_odometry.features.procrustes_config import Procrustes
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0, forward_m=0.1)
 START = se2(-0.5, 0.2, 0.3)

@@ -10,7 +10,7 @@ import pytest
 from rhs.api.records import FeatureSettings, Tracking
 from rhs.api.trajectory import Trajectory
 from rhs.metrics.accuracy import absolute_errors_m, consecutive, pair, relative_errors, rmse
-from rhs_odometry.features.procrustes_config import Procrustes
+from rhs_odometry.features.config import Procrustes
 from rhs_sensors.rgbd import Rgbd
 from rhs_sources.replay_config import Replay
 

@@ -5,8 +5,8 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, log_so3, se2
+from rhs_odometry.section.config import SectionEkf, TubeEkf
 from rhs_odometry.section.ekf import section_core
-from rhs_odometry.section.ekf_config import SectionEkf, TubeEkf
 from rhs_odometry.section.filter import Rectangular, Round
 from rhs_odometry.tracks import synthetic
 from rhs_odometry.tracks.monocular import MonocularOdometry

@@ -11,7 +11,7 @@ from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Scan, Tra
 from rhs.api.settings import make
 from rhs.estimation.filters.pose_hypotheses import PlaceFix, Trust, begin, predict, update
 from rhs.estimation.scans.rays import cast
-from rhs_localisers.sift_db_config import SiftDb
+from rhs_localisers.config import SiftDb
 
 
 def _learnt(**settings):

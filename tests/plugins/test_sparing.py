@@ -14,9 +14,9 @@ from rhs.estimation.scans.rays import cast
 from rhs.estimation.views import features as vision
 from rhs.estimation.views.motion_consistency import Continuity
 from rhs_localisers.advanced import SiftDbAdvanced
+from rhs_localisers.config import SiftDb
 from rhs_localisers.continuity_watch import ContinuityWatch
 from rhs_localisers.sift_db import flat, told_bits
-from rhs_localisers.sift_db_config import SiftDb
 
 BEARINGS = np.linspace(-0.45, 0.45, 41)
 SURE = np.diag([1e-5] * 3 + [1e-6] * 3)

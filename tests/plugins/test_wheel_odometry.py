@@ -10,7 +10,7 @@ from painted_room import observe, paintings
 
 from rhs.api.geometry import camera_from_fov, inverse, log_se3, planar, se2
 from rhs.api.records import FeatureSettings, Observation, Tracking
-from rhs_odometry.features.orb_config import Orb
+from rhs_odometry.features.config import Orb
 from rhs_odometry.fused.wheel import Wheel
 
 CAMERA = camera_from_fov(320, 240, 57.0, height_m=1.0)

@@ -22,7 +22,7 @@ from rhs.estimation.views.edge_consistency import agreement, largest_agreeing
 
 from .config import ScanGraphAdvanced, Windows
 from .graph import Graph
-from .keys import Keys
+from .keys import HEIGHT, Keys, covariances_of
 
 LOOP_WAY_M = 0.05  # of a loop along the graph
 THIN_M = 0.15
@@ -87,8 +87,7 @@ def _way_along(graph: Graph, start: int) -> np.ndarray:
     columns = np.concatenate([np.arange(1, count), [find.later for find in graph.loops]]).astype(int)
     length = np.concatenate([np.maximum(step_m, 1e-6), np.full(len(graph.loops), LOOP_WAY_M)])
     ties = coo_matrix((length, (rows, columns)), (count, count)).tocsr()
-    out: np.ndarray = dijkstra(ties, directed=False, indices=start)
-    return out
+    return dijkstra(ties, directed=False, indices=start)
 
 
 def _look(graph: Graph, pair: tuple[int, int], way_m: float, windows: Windows) -> Find | None:
@@ -155,9 +154,7 @@ def _agreeing(graph: Graph, find: Find, waiting: list[Find], windows: Windows) -
 
 def loop_edge(find: Find, settings: ScanGraphAdvanced) -> LoopEdge:
     """The find as an edge between key scans."""
-    covariance = 1e-6 * np.eye(6)
-    plane = np.ix_([0, 1, 5], [0, 1, 5])
-    covariance[plane] = find_spread(find, settings)
+    covariance = covariances_of(find_spread(find, settings)) + HEIGHT
     return LoopEdge(find.earlier, find.later, lifted(find.pose[None])[0], covariance, int(100 * find.share),
                     not find.refused, find.refused)
 

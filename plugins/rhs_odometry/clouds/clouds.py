@@ -18,7 +18,7 @@ from rhs.api.geometry import Camera, inverse, log_se3, orthonormal
 from rhs.api.records import Motion, Tracking
 from rhs.estimation.views.rigid import KINECT
 
-from .settings import CloudAdvanced
+from .config import CloudAdvanced
 
 USUAL = CloudAdvanced()
 
@@ -44,7 +44,7 @@ class CloudMaker:
         rows = np.arange(stride // 2, camera.height, stride)
         columns = np.arange(stride // 2, camera.width, stride)
         u, v = np.meshgrid(columns.astype(float), rows.astype(float))
-        self._shape, self._stride = u.shape, stride
+        self._stride = stride
         self.camera = camera
         self._rays = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1)).reshape(*u.shape, 3)
         self._pose = camera.body_from_camera

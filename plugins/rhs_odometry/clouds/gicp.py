@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 import small_gicp
 
-from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, log_so3, orthonormal
 
 from .clouds import Cloud, within_reach
-from .gicp_config import Gicp
-from .odometry import CloudOdometry
+from .config import Gicp
 
 
 class GicpRegistration:
@@ -52,7 +50,7 @@ class GicpRegistration:
             self._renew(cloud, prepared)
         return motion, ""
 
-    def take_guess(self, cloud: Cloud, guess: np.ndarray) -> None:
+    def take_guess(self, guess: np.ndarray) -> None:
         self._key_from_body = self._key_from_body @ guess
 
     def correct(self, motion: np.ndarray) -> None:
@@ -73,7 +71,3 @@ class GicpRegistration:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self._key = self._prepared(self._key_points) if len(self._key_points) else None
-
-
-def build(settings: Gicp, context: Context) -> CloudOdometry:
-    return CloudOdometry(settings, context, GicpRegistration(settings))

@@ -1,6 +1,6 @@
 """Odometry `kiss_icp`: KISS-ICP (Vizzo et al., RA-L 2023) by its own library, fed with depth clouds.
 
-The library accepts empty clouds and slides along smooth walls without a word; cloud_odometry.py says so for it.
+The library accepts empty clouds and slides along smooth walls without a word; odometry.py says so for it.
 """
 
 from __future__ import annotations
@@ -11,12 +11,10 @@ import numpy as np
 from kiss_icp.config import KISSConfig
 from kiss_icp.kiss_icp import KissICP
 
-from rhs.api.contracts import Context
 from rhs.api.geometry import inverse, orthonormal
 
 from .clouds import Cloud, within_reach
-from .kiss_icp_config import KissIcp
-from .odometry import CloudOdometry
+from .config import KissIcp
 
 
 def made_kiss(settings: Any, voxel_m: float, far_m: float) -> KissICP:
@@ -51,12 +49,8 @@ class KissRegistration:
             return guess, "the alignment leapt away from the guess"
         return orthonormal(motion), ""
 
-    def take_guess(self, cloud: Cloud, guess: np.ndarray) -> None:
+    def take_guess(self, guess: np.ndarray) -> None:
         self._kiss.last_pose = np.array(self._kiss.last_pose) @ guess
 
     def correct(self, motion: np.ndarray) -> None:
         self._kiss.last_pose = self._before @ motion
-
-
-def build(settings: KissIcp, context: Context) -> CloudOdometry:
-    return CloudOdometry(settings, context, KissRegistration(settings))

@@ -30,7 +30,7 @@ class Registration(Protocol):
     def align(self, cloud: Cloud, guess: np.ndarray) -> tuple[np.ndarray, str]:
         """previous_from_body of this cloud from a guess, and what was wrong with it (empty: nothing)."""
 
-    def take_guess(self, cloud: Cloud, guess: np.ndarray) -> None:
+    def take_guess(self, guess: np.ndarray) -> None:
         """The cloud could not be aligned; the body is believed to have moved by the guess."""
 
     def correct(self, motion: np.ndarray) -> None:
@@ -64,7 +64,7 @@ class CloudOdometry(Odometry):
             status = Tracking.OK if self._begun else Tracking.LOST
             return Motion(np.eye(4), 1e-12 * np.eye(6), status, "first view" if self._begun else _few(cloud))
         if len(cloud) < self._settings.min_points:
-            self._registration.take_guess(cloud, guess)
+            self._registration.take_guess(guess)
             return self._done(Motion(guess, wide, Tracking.LOST, f"{_few(cloud)}; took {name}"))
         pose, trouble = self._registration.align(cloud, guess)
         if trouble:
@@ -120,5 +120,3 @@ class CloudOdometry(Odometry):
 
 def _few(cloud: Cloud) -> str:
     return f"only {len(cloud)} depth points"
-
-

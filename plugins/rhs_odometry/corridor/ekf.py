@@ -9,11 +9,9 @@ from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, adjoint, inverse, se2
 from rhs.api.records import Revision, Scan, Wall
 
-from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams, embed
-from ..tracks.monocular_parts import monocular_odometry
+from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams, embed, monocular_odometry
 from ..tracks.track_frames import TrackFrame
-from .advanced import CorridorAdvanced
-from .ekf_config import CorridorEkf
+from .config import CorridorAdvanced, CorridorEkf
 from .filter import CorridorFilter, FilterSettings, floor_plane
 from .motion import ConstantVelocity, GivenMotion, MotionNoise
 from .scan import Drawn, believed_scan, mouths_of

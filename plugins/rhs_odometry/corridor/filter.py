@@ -16,7 +16,7 @@ from rhs.api.geometry import Camera
 from rhs.estimation.filters.kalman import correct_information
 
 from ..tracks.track_frames import TrackFrame
-from .advanced import CorridorAdvanced, FloorRules
+from .config import CorridorAdvanced, FloorRules
 from .fit import TrackFit, WindowCameras, cameras_of, fit_free, fit_on_planes
 from .floor_level import FloorLevel
 from .motion import ConstantVelocity, GivenMotion, SpinWatch
@@ -136,7 +136,7 @@ class CorridorFilter:
             self._floor.remember()
             self.state.covariance = self.state.carried(shift)
         hit = np.where(used == 1, found.wall, -1)
-        self.state.planes = record_hits(self.state.planes, hit, points, fit.anchor, self._view)
+        self.state.planes = record_hits(self.state.planes, hit, points, fit.anchor)
         self._finder.remember(points[found.strong & (used == 2)], self._view)
         return Tally(
             due=len(rays),
@@ -180,7 +180,7 @@ class CorridorFilter:
         return information, vector, used, points
 
     def _find_wall(self) -> None:
-        plane = self._finder.find(self.state.planes, self._view)
+        plane = self._finder.find(self.state.planes)
         if plane is None:
             return
         angle = self._settings.angle_sigma_rad if not plane.is_floor else 1e-4

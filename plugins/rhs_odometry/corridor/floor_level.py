@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from .advanced import FloorRules
+from .config import FloorRules
 from .fit import TrackFit
 from .state import SCALE, CorridorState
 from .walls import met_at

@@ -10,7 +10,7 @@ from rhs.api.geometry import Camera
 from rhs.estimation.views.settings import scaled_px
 
 from ..tracks.track_frames import TrackFrame, common
-from .advanced import MotionRules
+from .config import MotionRules
 from .state import BASE, SCALE, SPEED, TURN, BodyMotion
 
 USUAL = MotionRules()

@@ -16,7 +16,7 @@ from rhs.api.geometry import planar
 from rhs.api.records import Scan, Wall
 from rhs.estimation.scans.wall_rays import meet_walls
 
-from .advanced import DrawingRules
+from .config import DrawingRules
 
 USUAL = DrawingRules()
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ BIN_M = 0.5
 @dataclass(frozen=True, eq=False)
 class Plane:
     """A wall (axis 0 or 1), floor or ceiling (axis 2). low_m, high_m: extent seen, along the wall. hits: tracks attached.
-    last_seen: index of the view. paired: its distance to the opposite wall has been used once. support: hits per stretch
+    paired: its distance to the opposite wall has been used once. support: hits per stretch
     of BIN_M along the wall, by number of the stretch. sides: tracks seen from where the coordinate across the wall is lower,
     and from where it is higher."""
 
@@ -38,7 +39,6 @@ class Plane:
     low_m: float
     high_m: float
     hits: int = 0
-    last_seen: int = 0
     paired: bool = False
     support: Mapping[int, int] = field(default_factory=dict)
     sides: tuple[int, int] = (0, 0)
@@ -46,6 +46,16 @@ class Plane:
     @property
     def is_floor(self) -> bool:
         return self.axis == 2
+
+    @property
+    def along(self) -> int:
+        """The axis along it: of a wall the other one of the floor's."""
+        return 0 if self.is_floor else 1 - self.axis
+
+    @property
+    def firm(self) -> set[int]:
+        """The stretches along it with three hits or more."""
+        return {k for k, n in self.support.items() if n >= 3}
 
     def normal(self) -> np.ndarray:
         """(3,) n with n . p = level() on the plane; not of unit length, but within alpha^2 of it."""
@@ -58,8 +68,8 @@ class Plane:
     def level(self) -> float:
         return self.offset_m + self.angle_rad * self.pivot_m
 
-    def at(self, along_m: float) -> float:
-        """Offset of the wall at a coordinate along it."""
+    def at(self, along_m: Any) -> Any:
+        """Offset of the wall at a coordinate, or many, along it."""
         return self.offset_m - self.angle_rad * (along_m - self.pivot_m)
 
 
@@ -150,6 +160,13 @@ class CorridorState:
         block = self.plane_slice(index)
         self.covariance = np.delete(np.delete(self.covariance, block, 0), block, 1)
         self.planes = self.planes[:index] + self.planes[index + 1 :]
+
+    def apart(self, i: int, j: int, along_m: float) -> tuple[float, np.ndarray]:
+        """By how much wall i lies further out than wall j at a coordinate along both, and its (D,) derivative."""
+        a, b, row = self.planes[i], self.planes[j], np.zeros(len(self.covariance))
+        at_a, at_b = self.plane_slice(i).start, self.plane_slice(j).start
+        row[[at_a, at_a + 1, at_b, at_b + 1]] = 1.0, -(along_m - a.pivot_m), -1.0, along_m - b.pivot_m
+        return a.at(along_m) - b.at(along_m), row
 
     def add(self, delta: np.ndarray, covariance: np.ndarray) -> None:
         """Take over a correction: delta (n,) in the layout of the covariance."""

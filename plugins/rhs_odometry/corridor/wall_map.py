@@ -13,7 +13,7 @@ import numpy as np
 
 from rhs.api.records import Wall
 
-from .advanced import DrawingRules
+from .config import DrawingRules
 from .scan import Drawn
 from .state import BIN_M, Plane
 
@@ -55,7 +55,7 @@ def _pieces(p: Plane, others: Sequence[Plane], path_xy: np.ndarray, r: DrawingRu
         if sum(stretches.values()) < r.least_hits or not firm:
             continue
         low, high = max(p.low_m, BIN_M * min(firm)), min(p.high_m, BIN_M * (max(firm) + 1))
-        beside = _beside(p, path_xy, r)
+        beside = _beside(p, path_xy, r.beside_m)
         high = _snap(high, upper - r.clear_m, (marks, beside), r)
         low = -_snap(-low, -lower - r.clear_m, ([-m for m in marks], -beside), r)
         if high - low > 0.2:
@@ -85,21 +85,19 @@ def _gaps(
 ) -> list[tuple[float, float]]:
     """Stretches along the wall in which the robot's body never touched its line, and that are not `hidden` (coordinates of
     the middles of stretches): there the wall may stand."""
-    across = path_xy[:, p.axis] - (p.offset_m - p.angle_rad * (path_xy[:, 1 - p.axis] - p.pivot_m))
-    touched = path_xy[np.abs(across) < r.body_m, 1 - p.axis].tolist()
-    edges = [-np.inf, *sorted([*touched, *hidden]), np.inf]
+    edges = [-np.inf, *sorted([*_beside(p, path_xy, r.body_m).tolist(), *hidden]), np.inf]
     return [(low, high) for low, high in pairwise(edges) if high - low > 2 * r.body_m]
 
 
 def _hidden(p: Plane, others: Sequence[Plane], path_xy: np.ndarray, r: DrawingRules) -> list[float]:
     """Middles of the stretches along which the wall was not seen, but another was before or behind it: what was seen
     behind shows that the wall is not there, what stands before it hides it and makes it a guess."""
-    own, out = _firm(p), []
+    own, out = p.firm, []
     for o in others:
         apart = abs(o.offset_m - p.offset_m)
         if o is p or o.axis != p.axis or not r.shadow_m < apart < r.niche_m or not own or _outlook(o) != _outlook(p):
             continue
-        theirs = [k for k in _firm(o) if k not in own and _same_side(p, o, path_xy, ((k + 0.5) * BIN_M, r.passed_m))]
+        theirs = [k for k in o.firm if k not in own and _same_side(p, o, path_xy, ((k + 0.5) * BIN_M, r.passed_m))]
         for first, last in _runs(theirs, own):
             if last - first + 1 >= r.behind_bins:
                 out += [BIN_M * first, *((k + 0.5) * BIN_M for k in range(first, last + 1)), BIN_M * (last + 1)]
@@ -109,10 +107,6 @@ def _hidden(p: Plane, others: Sequence[Plane], path_xy: np.ndarray, r: DrawingRu
 def _outlook(p: Plane) -> bool:
     """Whether the wall was mostly seen from where the coordinate across it is higher."""
     return p.sides[1] > p.sides[0]
-
-
-def _firm(p: Plane) -> set[int]:
-    return {k for k, n in p.support.items() if n >= 3}
 
 
 def _runs(bins: Sequence[int], own: set[int]) -> list[tuple[int, int]]:
@@ -135,10 +129,10 @@ def _same_side(p: Plane, o: Plane, path_xy: np.ndarray, where: tuple[float, floa
     return len(here) > 0 and bool(((here - p.at(along_m)) * (here - o.at(along_m)) > 0.0).all())
 
 
-def _beside(p: Plane, path_xy: np.ndarray, r: DrawingRules) -> np.ndarray:
-    """Coordinates along the wall of the stretches of the path that run beside it."""
-    across = path_xy[:, p.axis] - (p.offset_m - p.angle_rad * (path_xy[:, 1 - p.axis] - p.pivot_m))
-    return path_xy[np.abs(across) < r.beside_m, 1 - p.axis]
+def _beside(p: Plane, path_xy: np.ndarray, near_m: float) -> np.ndarray:
+    """Coordinates along the wall of the points of the path that are so near to its line."""
+    across = path_xy[:, p.axis] - p.at(path_xy[:, 1 - p.axis])
+    return path_xy[np.abs(across) < near_m, 1 - p.axis]
 
 
 def _snap(end: float, limit: float, hints: tuple[Sequence[float], np.ndarray], r: DrawingRules) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rhs.estimation.filters.kalman import correct, nees
 
-from .advanced import WallRules
+from .config import WallRules
 from .fit import TrackFit
 from .state import BIN_M, CorridorState, Plane
 
@@ -75,16 +75,15 @@ def within(plane: Plane, points: np.ndarray, reach_m: float) -> np.ndarray:
     return (along > plane.low_m - reach_m) & (along < plane.high_m + reach_m)
 
 
-def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, cameras: np.ndarray, view: int) -> list[Plane]:
-    """The planes with the extents, counts, sides and last views of the tracks found on them: wall (T,), points (T, 3), and
+def record_hits(planes: list[Plane], wall: np.ndarray, points: np.ndarray, cameras: np.ndarray) -> list[Plane]:
+    """The planes with the extents, counts and sides of the tracks found on them: wall (T,), points (T, 3), and
     from where each was seen last, cameras (T, 3)."""
     out = list(planes)
     for j in np.unique(wall[wall >= 0]):
         p, hit = out[j], points[wall == j]
-        along = hit[:, 1 - p.axis] if not p.is_floor else hit[:, 0]
         above = int((cameras[wall == j] @ p.normal() > p.level()).sum())
         sides = (p.sides[0] + len(hit) - above, p.sides[1] + above)
-        out[j] = with_hits(replace(p, last_seen=view, sides=sides), along)
+        out[j] = with_hits(replace(p, sides=sides), hit[:, p.along])
     return out
 
 
@@ -94,11 +93,11 @@ def with_hits(plane: Plane, along: np.ndarray) -> Plane:
     support = dict(plane.support)
     for k in np.floor(along / BIN_M).astype(int).tolist():
         support[k] = support.get(k, 0) + 1
-    firm = [k for k, n in support.items() if n >= 3]
     low, high = min(plane.low_m, float(along.min())), max(plane.high_m, float(along.max()))
-    if firm:
+    plane = replace(plane, hits=plane.hits + len(along), support=support)
+    if firm := plane.firm:
         low, high = max(low, BIN_M * min(firm)), min(high, BIN_M * (max(firm) + 1))
-    return replace(plane, low_m=low, high_m=high, hits=plane.hits + len(along), support=support)
+    return replace(plane, low_m=low, high_m=high)
 
 
 class WallFinder:
@@ -117,10 +116,10 @@ class WallFinder:
     def rescale(self, factor: float, centre: np.ndarray) -> None:
         self._points = centre + factor * (self._points - centre)
 
-    def find(self, planes: list[Plane], view: int) -> Plane | None:
+    def find(self, planes: list[Plane]) -> Plane | None:
         """The best supported new wall (floor and ceiling only once two walls are known), or None."""
         axes = (0, 1, 2) if sum(not p.is_floor for p in planes) >= 2 else (0, 1)
-        found = [self._best_slot(axis, planes, view) for axis in axes]
+        found = [self._best_slot(axis, planes) for axis in axes]
         ranked = sorted((f for f in found if f is not None), key=lambda f: -f[0])
         if not ranked:
             return None
@@ -128,7 +127,7 @@ class WallFinder:
         self._points, self._views = self._points[~used], self._views[~used]
         return plane
 
-    def _best_slot(self, axis: int, planes: list[Plane], view: int):
+    def _best_slot(self, axis: int, planes: list[Plane]):
         """(support, plane, mask of its points) of the fullest slot along one axis, or None."""
         r, values = self._rules, self._points[:, axis]
         if len(values) < r.points:
@@ -142,22 +141,22 @@ class WallFinder:
         used = free & (values >= start) & (values <= start + r.slot_m)
         if used.sum() < r.points or not self._spread_out(axis, self._points[used]):
             return None
-        return int(used.sum()), self._plane(axis, self._points[used], view), used
+        return int(used.sum()), self._plane(axis, self._points[used]), used
 
     def _unclaimed(self, axis: int, planes: list[Plane]) -> np.ndarray:
         """Points not near a known plane of this axis; of floor and ceiling each only one may exist."""
         free = np.ones(len(self._points), bool)
         if axis == 2:
             height = self._points[:, 2] - self._eye
-            sides = {p.offset_m > self._eye for p in planes if p.is_floor}
             free &= np.abs(height) > 0.7
-            for above in sides:
-                free &= (height > 0) != above
+            for p in planes:
+                if p.is_floor:
+                    free &= (height > 0) != (p.offset_m > self._eye)
             return free
         for p in planes:
             if p.axis == axis:
-                at = p.offset_m - p.angle_rad * (self._points[:, 1 - axis] - p.pivot_m)
-                free &= ~((np.abs(self._points[:, axis] - at) < self._rules.near_m) & within(p, self._points, 1.0))
+                off = self._points[:, axis] - p.at(self._points[:, 1 - axis])
+                free &= ~((np.abs(off) < self._rules.near_m) & within(p, self._points, 1.0))
         return free
 
     def _spread_out(self, axis: int, points: np.ndarray) -> bool:
@@ -169,10 +168,10 @@ class WallFinder:
         stretches = len(np.unique(np.floor(along / 0.2)))
         return bool(np.ptp(along) >= r.spread_m and stretches >= r.bins and bands >= r.heights)
 
-    def _plane(self, axis: int, points: np.ndarray, view: int) -> Plane:
+    def _plane(self, axis: int, points: np.ndarray) -> Plane:
         along = points[:, 1 - axis] if axis < 2 else points[:, 0]
         offset, pivot = float(np.median(points[:, axis])), float(along.mean())
-        return with_hits(Plane(axis, offset, 0.0, pivot, float(along.min()), float(along.max()), 0, view), along)
+        return with_hits(Plane(axis, offset, 0.0, pivot, float(along.min()), float(along.max())), along)
 
 
 def merge_one(state: CorridorState, rules: WallRules) -> bool:
@@ -189,11 +188,10 @@ def _difference(state: CorridorState, i: int, j: int) -> tuple[np.ndarray, np.nd
     """(2,) difference of the walls in offset, where they overlap or meet, and in angle; its Jacobian (2, D)."""
     a, b = state.planes[i], state.planes[j]
     middle = 0.5 * (max(a.low_m, b.low_m) + min(a.high_m, b.high_m)) if not a.is_floor else 0.0
-    jacobian = np.zeros((2, len(state.covariance)))
-    at_a, at_b = state.plane_slice(i).start, state.plane_slice(j).start
-    jacobian[0, [at_a, at_a + 1, at_b, at_b + 1]] = 1.0, -(middle - a.pivot_m), -1.0, middle - b.pivot_m
-    jacobian[1, [at_a + 1, at_b + 1]] = 1.0, -1.0
-    return np.array([a.at(middle) - b.at(middle), a.angle_rad - b.angle_rad]), jacobian
+    gap, row = state.apart(i, j, middle)
+    turned = np.zeros(len(row))
+    turned[[state.plane_slice(i).start + 1, state.plane_slice(j).start + 1]] = 1.0, -1.0
+    return np.array([gap, a.angle_rad - b.angle_rad]), np.stack([row, turned])
 
 
 def _same(state: CorridorState, i: int, j: int, rules: WallRules) -> bool:
@@ -220,7 +218,6 @@ def _join(state: CorridorState, i: int, j: int) -> None:
         high_m=max(a.high_m, b.high_m),
         hits=a.hits + b.hits,
         support={k: a.support.get(k, 0) + b.support.get(k, 0) for k in {*a.support, *b.support}},
-        last_seen=max(a.last_seen, b.last_seen),
         paired=a.paired or b.paired,
         sides=(a.sides[0] + b.sides[0], a.sides[1] + b.sides[1]),
     )

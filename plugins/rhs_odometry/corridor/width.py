@@ -8,7 +8,7 @@ import numpy as np
 
 from rhs.estimation.filters.kalman import correct
 
-from .advanced import WidthRules
+from .config import WidthRules
 from .state import WIDTH, CorridorState
 
 USUAL = WidthRules()
@@ -42,12 +42,9 @@ def find_pair(state: CorridorState, rules: WidthRules = USUAL) -> Pair | None:
 def _pair(state: CorridorState, i: int, j: int, along: float) -> Pair:
     if state.planes[i].at(along) < state.planes[j].at(along):
         i, j = j, i
-    a, b = state.planes[i], state.planes[j]
-    jacobian = np.zeros((1, len(state.covariance)))
-    at_a, at_b = state.plane_slice(i).start, state.plane_slice(j).start
-    jacobian[0, [at_a, at_a + 1, at_b, at_b + 1]] = 1.0, -(along - a.pivot_m), -1.0, along - b.pivot_m
-    jacobian[0, WIDTH] = -1.0
-    return Pair(i, j, a.at(along) - b.at(along), jacobian)
+    gap_m, row = state.apart(i, j, along)
+    row[WIDTH] = -1.0
+    return Pair(i, j, gap_m, row[None])
 
 
 def fits(pair: Pair, width_m: float, rules: WidthRules) -> bool:
@@ -66,5 +63,3 @@ def use_pair(state: CorridorState, pair: Pair, rules: WidthRules = USUAL) -> Non
     state.add(change.delta, change.covariance)
     for k in (pair.first, pair.second):
         state.planes[k] = replace(state.planes[k], paired=True)
-
-

@@ -22,7 +22,7 @@ from rhs_odometry.tracks import tracks
 
 from ..keyframe.patches import find_patches
 from ..keyframe.surface import rays_beside, surfaces, warps
-from .orb_config import Orb
+from .config import Orb
 from .procrustes import ProcrustesOdometry
 
 

@@ -20,8 +20,8 @@ from rhs.estimation.views.rigid import PointNoise, Rigid, ransac_rigid, refine_m
 from rhs.estimation.views.settings import RansacSettings
 
 from ..fused.fallback import guess_motion
+from .config import Procrustes
 from .floor import Floor
-from .procrustes_config import Procrustes
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from typing import ClassVar
 from rhs.api.contracts import Context, Odometry, PartSettings
 from rhs.api.errors import Bounded, within
 
-from ..clouds.gicp_config import Gicp
-from ..features.procrustes_config import Procrustes
+from ..clouds.config import Gicp
+from ..features.config import Procrustes
 
 
 @dataclass

@@ -18,7 +18,6 @@ from rhs.api.records import Motion, Observation, Tracking
 from rhs.estimation.filters.kalman import correct, propagate
 
 from ..clouds.clouds import Cloud, CloudMaker
-from ..clouds.gicp import build as build_gicp
 from ..features.procrustes import ProcrustesOdometry
 from ..tracks.monocular import embed
 from .config import Fused, FusedAdvanced
@@ -116,7 +115,7 @@ class FusedOdometry(Odometry):
         self._settings = settings
         self._pictures = ProcrustesOdometry(settings.advanced.pictures, context)
         gicp = settings.advanced.shape
-        self._shape = build_gicp(gicp, context)
+        self._shape = gicp.build(context)
         self._maker = CloudMaker(context.camera, stride=gicp.stride_px, min_range_m=gicp.min_range_m,
                                  max_range_m=gicp.max_range_m)
         self._heading = Heading(float(context.world.start[2]), settings)

@@ -8,7 +8,7 @@ from typing import ClassVar
 from rhs.api.contracts import Context, Odometry
 from rhs.api.errors import Bounded, one_of, within
 
-from ..corridor.advanced import FloorRules
+from ..corridor.config import FloorRules
 from ..tracks.settings import KltSettings
 
 

@@ -18,7 +18,7 @@ from rhs.api.geometry import Camera, inverse, orthonormal, se2
 from rhs.api.records import Motion, Observation, Revision, Tracking
 from rhs.estimation.views.settings import scaled_px
 
-from ..corridor.advanced import CorridorAdvanced, WallRules
+from ..corridor.config import CorridorAdvanced, WallRules
 from ..corridor.ekf import Ledger
 from ..corridor.filter import CorridorFilter, FilterSettings, floor_plane
 from ..corridor.motion import GivenMotion, MotionNoise
@@ -27,7 +27,7 @@ from ..tracks.klt import KltTracker
 from ..tracks.monocular import embed
 from ..tracks.track_frames import TrackFrame, common
 from .config import GroundMsckf, GroundMsckfAdvanced
-from .stixels import Stixels, scans_of
+from .stixels import Stixels
 
 NO_WALLS = CorridorAdvanced(walls=WallRules(points=10_000, walls_before_floor=0), agreeing_share=0.5)
 SHORT_STEPS = (0.125, 6.5)  # metres and degrees between two views that are compared; as its surveys have them
@@ -67,7 +67,6 @@ class GroundOdometry(Odometry):
         self._filter, self._stixels = ground_filter(settings, camera, start), Stixels(camera, settings.advanced.stixels)
         self._poses = np.zeros((0, 3))  # of all views, those in the window as they are believed now
         self._ledger = Ledger(settings.advanced.least_step_m, settings.advanced.least_turn_rad)
-        self._drift = Drift(settings)
         self._measured: deque[int] = deque(maxlen=settings.advanced.measured_views)
         self._before: TrackFrame | None = None
         self._surveyed = 0  # views of the survey, when it is over
@@ -94,7 +93,7 @@ class GroundOdometry(Odometry):
                           details=self._details(followed, stands))
         motion = orthonormal(inverse(pose) @ self._pose())
         covariance = self._ledger.motion(clones[-1], self._filter.state.pose_covariance()[:3, :3])
-        covariance = covariance + self._drift.covariance(motion)
+        covariance = covariance + drift(self._settings, motion)
         status, reason = self._status(followed, len(before.ids))
         return Motion(motion, embed(covariance), status, reason, scan=scan, scan_measured=scan is not None,
                       details=self._details(followed, stands))
@@ -106,7 +105,8 @@ class GroundOdometry(Odometry):
         self._surveyed = len(self._poses)
         poses = np.stack([se2(*pose) for pose in self._poses])
         poses[0] = self._start
-        return Revision(poses, tuple(scans_of(self._stixels, self._poses)))
+        scans = [self._stixels.scan(view, self._poses, learn=False, later=True) for view in range(len(poses))]
+        return Revision(poses, tuple(scans))
 
     def _pose(self) -> np.ndarray:
         return se2(*self._filter.state.clones[-1, :3])
@@ -132,21 +132,15 @@ class GroundOdometry(Odometry):
                 "sigma_yaw_rad": float(np.sqrt(spread[2, 2]))}
 
 
-class Drift:
-    """What is lost in a step besides what the filter knows: errors of its points go together along their tracks, and each
-    linearisation lets it believe in a little more heading than anybody saw (Huang, Mourikis and Roumeliotis 2010). No view
-    takes it back: whoever adds motions up from a place that he knows again loses it anew."""
-
-    def __init__(self, settings: GroundMsckf) -> None:
-        self._settings = settings
-
-    def covariance(self, motion: np.ndarray) -> np.ndarray:
-        """(3, 3) of one (4, 4) motion, x, y, yaw along its own axes."""
-        s = self._settings
-        turned, way_m = abs(float(np.arctan2(motion[1, 0], motion[0, 0]))), float(np.hypot(*motion[:2, 3]))
-        on_the_spot = s.drift_spot**2 * turned if way_m < s.advanced.stixels.pivot_m else 0.0
-        heading = s.drift_rad_per_m**2 * way_m + (s.drift_rad_per_rad * turned) ** 2 + on_the_spot
-        return np.diag([s.drift_m_per_m**2 * way_m] * 2 + [heading])
+def drift(s: GroundMsckf, motion: np.ndarray) -> np.ndarray:
+    """(3, 3) covariance of one (4, 4) motion, x, y, yaw along its own axes, by what is lost in a step besides what the
+    filter knows: errors of its points go together along their tracks, and each linearisation lets it believe in a little
+    more heading than anybody saw (Huang, Mourikis and Roumeliotis 2010). No view takes it back: whoever adds motions up from
+    a place that he knows again loses it anew."""
+    turned, way_m = abs(float(np.arctan2(motion[1, 0], motion[0, 0]))), float(np.hypot(*motion[:2, 3]))
+    on_the_spot = s.drift_spot**2 * turned if way_m < s.advanced.stixels.pivot_m else 0.0
+    heading = s.drift_rad_per_m**2 * way_m + (s.drift_rad_per_rad * turned) ** 2 + on_the_spot
+    return np.diag([s.drift_m_per_m**2 * way_m] * 2 + [heading])
 
 
 def standing(before: TrackFrame, now: TrackFrame, camera: Camera, advanced: GroundMsckfAdvanced) -> bool:

@@ -7,8 +7,6 @@ not floor help, learnt from columns that were clear. What is not clear, or what 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 
@@ -139,8 +137,7 @@ class Stixels:
         bent, inverse_m = nearer - 2.0 * here + further, 1.0 / self._ranges
         least = (middle == best) & (here <= nearer) & (here <= further) & (bent > 0.0)
         off = np.where(least, 0.5 * (nearer - further) / np.where(least, bent, 1.0), 0.0)
-        found: np.ndarray = 1.0 / (inverse_m[best] + off * (inverse_m[1] - inverse_m[0]))
-        return found
+        return 1.0 / (inverse_m[best] + off * (inverse_m[1] - inverse_m[0]))
 
     def _clearness(self, costs: np.ndarray, best: np.ndarray) -> np.ndarray:
         """(B,) how much more the cheapest other distance costs than the one taken."""
@@ -205,15 +202,9 @@ class Stixels:
 def _tones(shown: np.ndarray) -> np.ndarray:
     """(B, T) number of each pixel's colour."""
     coarse = shown.astype(np.int64) // (256 // TONES)
-    out: np.ndarray = (coarse[..., 0] * TONES + coarse[..., 1]) * TONES + coarse[..., 2]
-    return out
+    return (coarse[..., 0] * TONES + coarse[..., 1]) * TONES + coarse[..., 2]
 
 
 def _turn(yaw_rad: float) -> np.ndarray:
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.array([[c, -s], [s, c]])
-
-
-def scans_of(stixels: Stixels, poses: np.ndarray) -> Sequence[Scan | None]:
-    """Of all views of a survey, once it is over: views before and after each are compared."""
-    return [stixels.scan(view, poses, learn=False, later=True) for view in range(len(poses))]

@@ -66,8 +66,7 @@ class GoingOn:
         if self._known:
             change = np.minimum(self._change(), told)
             spread = n * n * (self._spread + self._stale * change) + times * change
-        out: np.ndarray = move @ spread @ move.T
-        return out
+        return move @ spread @ move.T
 
     @property
     def _known(self) -> bool:

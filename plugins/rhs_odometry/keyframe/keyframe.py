@@ -235,13 +235,13 @@ class KeyframeOdometry(Odometry):
         tracker, self._unseen = self._tracker, np.zeros((6, 6))
         k = self._map.add_keyframe(tracker.pose, look.picture)
         self._relocation.note(k, look.depth)
-        self._map.tie(edges)
+        self._map.edges += edges
         if self._adrift is None:
             loops = self._revisit(look, k)
         else:
             loops = self._find_again(look, k, self._adrift)
         if loops:
-            self._map.tie(loops)
+            self._map.edges += loops
             self._map.settle(self._effort)
             tracker.pose = self._map.poses[k]
         tracker.top_up(look, k)
@@ -363,8 +363,7 @@ class KeyframeOdometry(Odometry):
         """The planar pose of the camera nearest to one (4, 4) with this information (6, 6)."""
         b = self._camera.body_from_camera
         flat, _ = on_floor(b @ pose @ inverse(b), adjoint(inverse(b)).T @ information @ adjoint(inverse(b)))
-        out: np.ndarray = inverse(b) @ flat @ b
-        return out
+        return inverse(b) @ flat @ b
 
     def _level(self, wide: np.ndarray) -> np.ndarray:
         """The covariance (6, 6) of a guess of the camera's motion that is kept to the floor, unless it sways."""

@@ -119,8 +119,7 @@ class KeyframeMap:
         self.anchor = self.anchor[rows] - (self.anchor[rows] > k)
         for name in ("pixels", "_beside", "rays", "rho", "sigma", "slopes"):
             setattr(self, name, np.take(getattr(self, name), rows, axis=0))
-        number: np.ndarray = np.maximum(np.cumsum(stay) - 1, 0)
-        return number
+        return np.maximum(np.cumsum(stay) - 1, 0)
 
     def stand(self, serials: np.ndarray) -> np.ndarray:
         """(N, 4, 4) where the key frames of serials (N,) stand now, those given up included."""
@@ -191,10 +190,6 @@ class KeyframeMap:
         prior, reading = self.sigma[ids] ** -2, (depth_times * self._sigma) ** -2
         self.rho[ids] = (prior * self.rho[ids] + reading * rho) / (prior + reading)
         self.sigma[ids] = np.maximum((prior + reading) ** -0.5, self._advanced.sharpest * depth_times * self._sigma)
-
-    def tie(self, edges: list[Edge]) -> None:
-        """Take up measured relative poses."""
-        self.edges.extend(edges)
 
     def settle(self, effort: Effort) -> None:
         """Let the pose graph settle; the first key frame stays."""

@@ -138,8 +138,7 @@ class Direct:
         return bool(off @ np.linalg.solve(spread, off) > self._gate)
 
     def _information(self, fit: PoseFit) -> np.ndarray:
-        information: np.ndarray = fit.information / self._advanced.correlated
-        return information
+        return fit.information / self._advanced.correlated
 
 
 def _adding(covariance: np.ndarray, wide: np.ndarray) -> np.ndarray:

@@ -84,8 +84,7 @@ class PoseFit:
     def covariance(self) -> np.ndarray:
         """(6, 6) of map_from_camera's right perturbation: exp(d) camera_from_map has the inverse ... exp(-d)."""
         covariance = np.linalg.inv(self.information + 1e-3 * np.eye(6))
-        out: np.ndarray = 0.5 * (covariance + covariance.T)
-        return out
+        return 0.5 * (covariance + covariance.T)
 
 
 def fit_pose(

@@ -29,8 +29,7 @@ def surfaces(depth: np.ndarray, pixels: np.ndarray, s: SurfaceSettings = USUAL) 
 def rays_beside(pixels: np.ndarray, camera) -> np.ndarray:
     """(N, 4, 3) rays of the pixels beside pixels (N, 2) that `warps` asks for."""
     moved = pixels.astype(float) + ENDS_PX[:, None]  # (4, N, 2)
-    rays: np.ndarray = camera.rays(moved.reshape(-1, 2)).reshape(4, -1, 3).transpose(1, 0, 2)
-    return rays
+    return camera.rays(moved.reshape(-1, 2)).reshape(4, -1, 3).transpose(1, 0, 2)
 
 
 def warps(

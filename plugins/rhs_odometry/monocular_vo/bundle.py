@@ -105,8 +105,7 @@ def _cost(poses: np.ndarray, points: np.ndarray, seen: Sightings) -> float:
 
 
 def _seen_from(poses: np.ndarray, points: np.ndarray, seen: Sightings) -> np.ndarray:
-    at: np.ndarray = np.einsum("nij,nj->ni", poses[seen.of, :3, :3], points[seen.row]) + poses[seen.of, :3, 3]
-    return at
+    return np.einsum("nij,nj->ni", poses[seen.of, :3, :3], points[seen.row]) + poses[seen.of, :3, 3]
 
 
 @dataclass(frozen=True, eq=False)

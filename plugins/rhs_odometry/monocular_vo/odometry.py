@@ -26,7 +26,7 @@ from .two_views import first_pair, turn_of, turned
 BACK_PX = 1.0  # a point followed back must come back this near
 CELLS = 40  # corners lie at least an image width over this apart
 SCALE_SHARE = {True: 0.05, False: 1.0}  # of the way by which it may be wrong, with its scale known or not
-WIDE_M, WIDE_RAD = 0.5, 0.2  # sigmas of a motion that was not seen
+WIDE = np.diag([0.5**2] * 3 + [0.2**2] * 3)  # covariance of a motion that was not seen
 BEAMS = 81  # of a scan, across the field of view, as the other odometries of one camera have them
 LEVEL_RAD = 0.1  # a point belongs to the scan when it is seen this near to the camera's height
 REACH = 3.0  # times the median distance: further points are hardly placed
@@ -131,7 +131,7 @@ class MonocularVoOdometry(Odometry):
                 self._waiting.append((len(self._anchors) - 1, seen))
             status = Tracking.LOST if few else Tracking.DEGENERATE
             guess = self._from_told(told) if told is not None else se3(turn.T, np.zeros(3))
-            return self._said(guess, self._wide(), status, pair.reason)
+            return self._said(guess, WIDE, status, pair.reason)
         return self._start(Seen(seen.ids, a), seen, pair)
 
     def _start(self, first: Seen, seen: Seen, pair) -> Motion:
@@ -159,7 +159,7 @@ class MonocularVoOdometry(Odometry):
         motion = inverse(so_far) @ scaled(inverse(self._at), self._scale.metres)
         self._speed = np.eye(4)
         self._waiting = []
-        return self._said(motion, self._wide(), Tracking.DEGENERATE, "the map begins here")
+        return self._said(motion, WIDE, Tracking.DEGENERATE, "the map begins here")
 
     def _found(self, picture: np.ndarray, pixels: np.ndarray, seen: Seen, fix: PoseFix) -> Motion:
         assert self._map is not None
@@ -195,7 +195,7 @@ class MonocularVoOdometry(Odometry):
             self._begin()
             name += "; a new map is begun"
         reason = f"too few of {followed} followed points agree, {self._settings.min_inliers} needed; took {name}"
-        return self._said(guess, self._wide(), Tracking.LOST, reason)
+        return self._said(guess, WIDE, Tracking.LOST, reason)
 
     def _hang(self, where: LocalMap, frame: int, camera_from_map: np.ndarray) -> None:
         self._anchors[-1] = Anchor(where, frame, where.poses[frame] @ inverse(camera_from_map))
@@ -242,9 +242,6 @@ class MonocularVoOdometry(Odometry):
     def _from_told(self, body_motion: np.ndarray) -> np.ndarray:
         body = self._camera.body_from_camera
         return inverse(body) @ body_motion @ body
-
-    def _wide(self) -> np.ndarray:
-        return np.diag([WIDE_M**2] * 3 + [WIDE_RAD**2] * 3)
 
     def _spread(self, covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """Covariance of a motion of the camera, metres, from that of its pose in units: both its ends err."""

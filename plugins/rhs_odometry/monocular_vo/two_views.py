@@ -75,15 +75,13 @@ def turn_of(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def unit_rays(rays: np.ndarray) -> np.ndarray:
     """(N, 3) of length 1."""
     out = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
-    unit: np.ndarray = out / np.linalg.norm(out, axis=1, keepdims=True)
-    return unit
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
 def turned(rays: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """(N, 2) rays seen after a turn."""
     out = unit_rays(rays) @ turn.T
-    flat: np.ndarray = out[:, :2] / out[:, 2:]
-    return flat
+    return out[:, :2] / out[:, 2:]
 
 
 def triangulated(first: np.ndarray, second: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -101,5 +99,4 @@ def parallax(first: np.ndarray, second: np.ndarray, points: np.ndarray) -> np.nd
     """(N,) radians under which points (N, 3) see the two cameras apart."""
     eyes = [-pose[:3, :3].T @ pose[:3, 3] for pose in (first, second)]
     one, two = (points - eye for eye in eyes)
-    angle: np.ndarray = np.arctan2(np.linalg.norm(np.cross(one, two), axis=1), np.sum(one * two, axis=1))
-    return angle
+    return np.arctan2(np.linalg.norm(np.cross(one, two), axis=1), np.sum(one * two, axis=1))

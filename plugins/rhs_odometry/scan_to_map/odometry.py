@@ -182,8 +182,7 @@ def _carried(spread: np.ndarray, step: np.ndarray) -> np.ndarray:
     """The covariance (3, 3) of a pose, in the frame of the pose `step` (3,) further on."""
     c, s = np.cos(step[2]), np.sin(step[2])
     back = np.array([[c, s, s * step[0] - c * step[1]], [-s, c, c * step[0] + s * step[1]], [0.0, 0.0, 1.0]])
-    out: np.ndarray = back @ spread @ back.T
-    return out
+    return back @ spread @ back.T
 
 
 def _lifted(covariance: np.ndarray) -> np.ndarray:
@@ -198,8 +197,7 @@ def _spread_of(seen: np.ndarray, prior: np.ndarray, good: bool) -> np.ndarray:
     """(3, 3) covariance of the pose in the map. seen, prior: information (3, 3) of scan and guess."""
     if not good:
         return np.diag([LOST_M, LOST_M, LOST_RAD]) ** 2
-    spread: np.ndarray = np.linalg.inv(seen + prior) + np.diag([FLOOR_M, FLOOR_M, FLOOR_RAD]) ** 2
-    return spread
+    return np.linalg.inv(seen + prior) + np.diag([FLOOR_M, FLOOR_M, FLOOR_RAD]) ** 2
 
 
 def _status(seen: np.ndarray, guess: Guess, good: bool, reason: str) -> tuple[Tracking, str]:

@@ -78,8 +78,7 @@ class WheelError:
         """The information (3, 3) of wheels that are as wrong as these."""
         metres, radians = _share(self._along), _share(self._turned)
         scale = np.array([metres, metres, radians])
-        out: np.ndarray = prior / np.outer(scale, scale)
-        return out
+        return prior / np.outer(scale, scale)
 
     def proven(self, prior: np.ndarray, least_m: float) -> np.ndarray:
         """The information (3, 3) that a scan is laid with. Of the error of metres what grows with the way is as measured,
@@ -88,8 +87,7 @@ class WheelError:
         sigma_m = prior[0, 0] ** -0.5
         held = least_m + _share(self._along) * max(sigma_m - least_m, 0.0)
         scale = np.array([held / sigma_m, held / sigma_m, 1.0])
-        out: np.ndarray = prior / np.outer(scale, scale)
-        return out
+        return prior / np.outer(scale, scale)
 
 
 def _share(squares: deque[float]) -> float:

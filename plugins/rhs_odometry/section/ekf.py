@@ -13,10 +13,9 @@ from rhs.estimation.scans.wall_rays import cast_on_walls
 
 from ..corridor.fit import WindowCameras, fit_free
 from ..corridor.window import TrackWindow
-from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams
-from ..tracks.monocular_parts import monocular_odometry
+from ..tracks.monocular import Estimate, MonocularOdometry, StructureAlarm, beams, monocular_odometry
 from ..tracks.track_frames import TrackFrame, common
-from .ekf_config import SectionEkf
+from .config import SectionEkf
 from .filter import (
     AXIS,
     CENTRE,
@@ -29,7 +28,6 @@ from .filter import (
     Rectangular,
     Round,
     SectionFilter,
-    SectionNoise,
     SectionState,
 )
 
@@ -59,13 +57,11 @@ def section_core(settings: SectionEkf, camera: Camera, start: np.ndarray) -> Sec
     a = settings.advanced
     sigma[SPIN] = a.spin_sigma_radps
     sigma[CENTRE], sigma[AXIS], sigma[SIZE] = a.centre_sigma_m, a.axis_sigma_rad, settings.size_sigma
-    noise = SectionNoise(settings.pixel_sigma_px, settings.iterations, settings.speed_walk_mps, settings.turn_walk_radps,
-                         a.centre_walk_m, a.axis_walk_rad, a.farthest_m, a.gate_probability)
     shape = Rectangular(settings.aspect) if settings.shape == "rectangular" else Round()
     covariance = np.diag(sigma**2)
     drift = settings.drift_sigma_mps**2
     covariance[SPEED, SPEED] = axes @ np.diag([settings.speed_sigma_mps**2, drift, drift]) @ axes.T
-    return SectionCore(SectionFilter(camera, shape, state, covariance, noise), camera, settings)
+    return SectionCore(SectionFilter(camera, shape, state, covariance, settings), camera, settings)
 
 
 class SectionCore:

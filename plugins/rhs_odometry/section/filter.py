@@ -19,6 +19,8 @@ import numpy as np
 from rhs.api.geometry import Camera, exp_so3
 from rhs.estimation.filters.kalman import correct, gate, numeric_jacobian, propagate
 
+from .config import SectionEkf
+
 POSITION, TURN, SPEED, SPIN, CENTRE, AXIS = (slice(3 * i, 3 * i + 3) for i in range(6))
 SIZE = 18
 ERROR_STATES = 19
@@ -82,31 +84,15 @@ class SectionState:
         )
 
 
-@dataclass(frozen=True)
-class SectionNoise:
-    """pixel_sigma px; changes per view (1 sigma): speed m/s, spin rad/s, centre of the section m, its axis rad.
-    iterations: 1 is the extended filter of the thesis; more linearise the same view again (Bell and Cathey 1993).
-    farthest_m: points further along the tube are not used. gate_probability: chance that a true point passes its
-    chi-square gate."""
-
-    pixel_sigma: float = 0.7
-    iterations: int = 1
-    speed: float = 0.04
-    spin: float = 0.04
-    centre_m: float = 0.002
-    axis_rad: float = 0.0005
-    farthest_m: float = 15.0
-    gate_probability: float = 0.99
-
-
 class SectionFilter:
-    """The filter over pairs of views. state and covariance (19, 19) belong to the last view."""
+    """The filter over pairs of views. state and covariance (19, 19) belong to the last view. With more than one iteration
+    the same view is linearised again (Bell and Cathey 1993)."""
 
     def __init__(self, camera: Camera, section: SectionShape, state: SectionState, covariance: np.ndarray,
-                 noise: SectionNoise) -> None:
+                 settings: SectionEkf) -> None:
         self.state, self.covariance, self.accepted = state, covariance, float("nan")
         self.section = section
-        self._camera, self._noise = camera, noise
+        self._camera, self._settings, self._advanced = camera, settings, settings.advanced
 
     def step(self, before: np.ndarray, after: np.ndarray, seconds: float) -> None:
         """Take in a view: (M, 2) pixels of the same points in the last view and in this one."""
@@ -129,16 +115,16 @@ class SectionFilter:
     def _correct(self, before: np.ndarray, after: np.ndarray, seconds: float) -> None:
         rays = self._camera.rays(before)
         distance = np.linalg.norm(self.back_project(self.state, rays) - self.state.position, axis=1)
-        usable = (distance < self._noise.farthest_m) & np.isfinite(self.predicted(self.state, rays, seconds)).all(1)
+        usable = (distance < self._advanced.farthest_m) & np.isfinite(self.predicted(self.state, rays, seconds)).all(1)
         self.accepted = float("nan")
         if usable.sum() < 4:
             return
         rays, after = rays[usable], after[usable]
         delta, start = np.zeros(ERROR_STATES), self.state
-        for _ in range(self._noise.iterations):
+        for _ in range(self._settings.iterations):
             jacobian, residual = self._linearise(start, delta, (rays, after, seconds))
             good = self._gated(jacobian, residual + jacobian @ delta)
-            rows, noise = jacobian[good].reshape(-1, ERROR_STATES), self._noise.pixel_sigma**2
+            rows, noise = jacobian[good].reshape(-1, ERROR_STATES), self._settings.pixel_sigma_px**2
             innovation = (residual[good] + jacobian[good] @ delta).ravel()
             change = correct(self.covariance, rows, innovation, noise * np.eye(len(rows)))
             delta = change.delta
@@ -156,9 +142,9 @@ class SectionFilter:
 
     def _gated(self, jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """(M,) bool: each point on its own agrees with the state."""
-        spread = jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2) + self._noise.pixel_sigma**2 * np.eye(2)
+        spread = jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2) + self._settings.pixel_sigma_px**2 * np.eye(2)
         normalised = (residual * np.linalg.solve(spread, residual[..., None])[..., 0]).sum(1)
-        return normalised < gate(2, self._noise.gate_probability)
+        return normalised < gate(2, self._advanced.gate_probability)
 
     def _predict(self, seconds: float) -> None:
         """Constant velocity (eq. 4.5); the section stays, but for a little noise that keeps it adjustable."""
@@ -168,7 +154,7 @@ class SectionFilter:
         transition[TURN, TURN] = turn.T
         transition[TURN, SPIN] = seconds * np.eye(3)
         sigma = np.zeros(ERROR_STATES)
-        sigma[SPEED], sigma[SPIN] = self._noise.speed, self._noise.spin
-        sigma[CENTRE], sigma[AXIS] = self._noise.centre_m, self._noise.axis_rad
+        sigma[SPEED], sigma[SPIN] = self._settings.speed_walk_mps, self._settings.turn_walk_radps
+        sigma[CENTRE], sigma[AXIS] = self._advanced.centre_walk_m, self._advanced.axis_walk_rad
         self.covariance = propagate(self.covariance, transition, np.diag(sigma**2))
         self.state = replace(s, position=s.position + s.speed * seconds, rotation=s.rotation @ turn)

@@ -26,9 +26,6 @@ class Patches:
         self._looks = [np.zeros((0, m)), np.zeros((0, m, PARAMETERS)), np.zeros((0, PARAMETERS, PARAMETERS))]
         self._warps, self._age = np.zeros((0, 2, 3)), np.zeros(0, int)
 
-    def clear(self) -> None:
-        self.keep(np.zeros(len(self._age), bool))
-
     def keep(self, mask: np.ndarray) -> None:
         """Forget the points that are not in the (N,) mask."""
         self._looks = [a[mask] for a in self._looks]

@@ -1,20 +1,25 @@
-"""What every monocular odometry shares: tracks in, the motion of the believed pose out."""
+"""What every monocular odometry shares: tracks in, the motion of the believed pose out; and the tracks file if wanted."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
-from rhs.api.contracts import Odometry
-from rhs.api.geometry import Camera, inverse, orthonormal
+from rhs.api.contracts import Context, Odometry
+from rhs.api.geometry import Camera, inverse, orthonormal, se2
 from rhs.api.records import Motion, Observation, Revision, Scan, Tracking
 
-from .settings import AlarmSettings
-from .track_frames import TrackFrame
+from .klt import KltTracker
+from .settings import AlarmSettings, KltSettings
+from .track_frames import TrackFrame, Tracks, save_tracks
+
+# Metres and degrees between views: nobody tells how far it went, so that points must be looked for where they were.
+SHORT_STEPS = (0.125, 6.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +44,6 @@ class TrackFilter(Protocol):
     def revise(self) -> Revision | None: ...
 
 
-class FrontEnd(Protocol):
-    def track(self, observation: Observation) -> TrackFrame: ...
-
-
 class MonocularOdometry(Odometry):
     """An odometry made of a front end and a filter.
 
@@ -50,7 +51,7 @@ class MonocularOdometry(Odometry):
     purpose) shows that in its second motion, so that the sum of the motions is always the filter's own belief. few_tracks:
     fewer followed points than this and the view says nothing."""
 
-    def __init__(self, front: FrontEnd | None, core: TrackFilter, start: np.ndarray, *, few_tracks: int = 8) -> None:
+    def __init__(self, front: KltTracker | None, core: TrackFilter, start: np.ndarray, *, few_tracks: int = 8) -> None:
         self._front, self._filter, self._few = front, core, few_tracks
         self._pose, self._begun = start, False
         self.keep: list[TrackFrame] | None = None  # a list here collects the frames of the survey
@@ -86,6 +87,26 @@ class MonocularOdometry(Odometry):
             self.at_end(self.keep)
             self.keep = None
         return self._filter.revise()
+
+
+def monocular_odometry(
+    settings: Any, context: Context, core: TrackFilter, scale_from: str, follow: KltSettings
+) -> MonocularOdometry:
+    """settings: a config with `points` and `save_tracks`. scale_from: what the filter's metres come from, for the row.
+    follow: how points are followed."""
+    eye = MonocularOdometry(KltTracker(follow, settings.points), core, se2(*context.world.start),
+                            few_tracks=settings.advanced.few_tracks)
+    eye.scale_from = scale_from
+    if getattr(settings, "motion", "none") == "none":
+        eye.keeps_moving = SHORT_STEPS
+    if settings.save_tracks:
+        eye.keep, eye.at_end = [], partial(_save, context)
+    return eye
+
+
+def _save(context: Context, frames: Sequence[TrackFrame]) -> None:
+    unknown = np.full((len(frames), 4, 4), np.nan)
+    save_tracks(context.folder / "tracks.npz", Tracks(context.camera, np.array(context.world.start), frames, unknown))
 
 
 class StructureAlarm:

@@ -18,10 +18,10 @@ from rhs.api.trajectory import read_tum
 from rhs.estimation.filters.kalman import nees
 from rhs.plots import draw_errors, new_figure, save
 
+from ..corridor.config import CorridorEkf
 from ..corridor.ekf import corridor_core
-from ..corridor.ekf_config import CorridorEkf
+from ..section.config import SectionEkf, TubeEkf
 from ..section.ekf import section_core
-from ..section.ekf_config import SectionEkf, TubeEkf
 from .monocular import MonocularOdometry
 from .track_frames import Tracks, load_tracks
 

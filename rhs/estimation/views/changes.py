@@ -156,8 +156,7 @@ def colours_differ(now: Sight, earlier: Sight, surface: np.ndarray, settings: Ch
 
 
 def _beyond(value: np.ndarray, low: np.ndarray, high: np.ndarray, limit: float) -> np.ndarray:
-    beyond: np.ndarray = (value > high + limit) | (value < low - limit)
-    return beyond
+    return (value > high + limit) | (value < low - limit)
 
 
 def _missed(now: Sight, before: Sequence[Sight], number: int, settings: ChangeSettings) -> np.ndarray:
@@ -195,8 +194,7 @@ def _looks(image: np.ndarray) -> np.ndarray:
     """(H, W, 4) float32: logarithm of brightness, and the shares of red, green and blue; lightly smoothed."""
     smooth = cv2.GaussianBlur(image.astype(np.float32), (3, 3), 0) + np.float32(1.0)
     total = smooth.sum(axis=2, keepdims=True)
-    looks: np.ndarray = np.concatenate([np.log(total), smooth / total], axis=2).astype(np.float32)
-    return looks
+    return np.concatenate([np.log(total), smooth / total], axis=2).astype(np.float32)
 
 
 def _fair(image: np.ndarray) -> np.ndarray:

@@ -134,5 +134,4 @@ def _box(part: np.ndarray, reach: int) -> np.ndarray:
     import cv2
 
     side = 2 * reach + 1
-    summed: np.ndarray = cv2.boxFilter(part, cv2.CV_64F, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
-    return summed
+    return cv2.boxFilter(part, cv2.CV_64F, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)

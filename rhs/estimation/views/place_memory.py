@@ -47,8 +47,7 @@ class Memory:
         measures most have none. All of them where none has, as of one camera."""
         known = np.isfinite(self.points[:, 2])
         ends = np.concatenate([[0], np.cumsum(known if known.any() else ~known)])
-        counts: np.ndarray = np.diff(ends[self.starts])
-        return counts
+        return np.diff(ends[self.starts])
 
     def rootsift(self, rows: np.ndarray) -> np.ndarray:
         """(N, 128) float32 descriptors of some key-points, at unit length."""

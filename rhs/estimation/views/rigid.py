@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rhs.api.geometry import align, exp_se3, orthonormal, transform
+from rhs.estimation.filters.kalman import symmetric
 
 from .settings import RansacSettings
 
@@ -144,7 +145,7 @@ def refine_reprojection(
         if np.abs(step).max() < 1e-7:
             break
     misfit = float(squared[inliers].mean() / 3.0)
-    return Rigid(orthonormal(pose), _symmetric(np.linalg.inv(information)) * max(1.0, misfit), inliers, misfit)
+    return Rigid(orthonormal(pose), symmetric(np.linalg.inv(information)) * max(1.0, misfit), inliers, misfit)
 
 
 def refine_measured(
@@ -209,7 +210,7 @@ def _procrustes_covariance(pose: np.ndarray, p: np.ndarray, q: np.ndarray, noise
     residual = transform(pose, p) - q
     squared = np.einsum("ni,ni->n", residual, np.linalg.solve(spread, residual[:, :, None])[:, :, 0])
     misfit = float(squared.mean() / 3.0)
-    return _symmetric(bread @ meat @ bread) * max(1.0, misfit) + 1e-12 * np.eye(6), misfit
+    return symmetric(bread @ meat @ bread) * max(1.0, misfit) + 1e-12 * np.eye(6), misfit
 
 
 def _motion_of_points(p: np.ndarray) -> np.ndarray:
@@ -221,9 +222,3 @@ def _motion_of_points(p: np.ndarray) -> np.ndarray:
     out[:, 1, 3], out[:, 1, 5] = -z, x
     out[:, 2, 3], out[:, 2, 4] = y, -x
     return out
-
-
-def _symmetric(matrix: np.ndarray) -> np.ndarray:
-    even: np.ndarray = 0.5 * (matrix + matrix.T)
-    return even
-

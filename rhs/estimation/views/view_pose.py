@@ -14,7 +14,7 @@ from rhs.api.geometry import Camera, adjoint, exp_so3, inverse, se3, transform
 from rhs.api.records import Features
 
 from .features import match
-from .rigid import PointNoise, ransac_rigid, refine_reprojection
+from .rigid import PointNoise, _motion_of_points, ransac_rigid, refine_reprojection
 from .settings import SightingSettings
 
 _CameraMotion = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -127,13 +127,7 @@ def _pnp_covariance(pose: np.ndarray, points: np.ndarray, camera: Camera) -> np.
     by_point = np.zeros((len(points), 2, 3))
     by_point[:, 0, 0], by_point[:, 0, 2] = camera.fx / z, -camera.fx * x / z**2
     by_point[:, 1, 1], by_point[:, 1, 2] = camera.fy / z, -camera.fy * y / z**2
-    px, py, pz = points.T
-    motion = np.zeros((len(points), 3, 6))
-    motion[:, 0, 0] = motion[:, 1, 1] = motion[:, 2, 2] = 1.0
-    motion[:, 0, 4], motion[:, 0, 5] = pz, -py
-    motion[:, 1, 3], motion[:, 1, 5] = -pz, px
-    motion[:, 2, 3], motion[:, 2, 4] = py, -px
-    jacobian = by_point @ pose[:3, :3] @ motion
+    jacobian = by_point @ pose[:3, :3] @ _motion_of_points(points)
     information = np.einsum("nai,naj->ij", jacobian, jacobian)
     return np.linalg.pinv(information) + 1e-10 * np.eye(6)
 

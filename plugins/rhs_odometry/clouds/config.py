@@ -1,11 +1,11 @@
-"""Settings that all odometries on depth clouds share."""
+"""Settings of the odometries on depth clouds, `gicp` and `kiss_icp`, and what they share."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from rhs.api.contracts import PartSettings
+from rhs.api.contracts import Context, Odometry, PartSettings
 from rhs.api.errors import Bounded, one_of, within
 
 from ..advanced import GuessNoise
@@ -70,3 +70,56 @@ class CloudSettings(PartSettings):
     planar: bool = True
     """The camera stands on a robot: keep the motion on the floor; no effect when it is hand-held."""
     advanced: CloudAdvanced = field(default_factory=CloudAdvanced)
+
+
+@dataclass
+class GicpAdvanced(CloudAdvanced):
+    """Thresholds of `odometry=gicp`."""
+
+    neighbours: int = within(10, 3, 1000)
+    """points that make the covariance of one"""
+    min_inlier_share: float = within(0.2, 0.0, 1.0)
+    """share of the cloud that must find a partner"""
+
+
+@dataclass
+class Gicp(CloudSettings):
+    """Generalised ICP of thinned depth clouds against a key cloud (small_gicp)."""
+
+    voxel_m: float = within(0.05, 0.005, 5.0)
+    """Clouds are thinned to one point per cube of this side, metres."""
+    keep_move_m: float = within(0.4, 0.0, 10.0)
+    """A new key cloud is taken after moving this far from it, metres."""
+    keep_turn_deg: float = within(12.0, 0.0, 180.0)
+    """A new key cloud is taken after turning this far from it, degrees."""
+    reach_m: float = within(0.3, 0.01, 10.0)
+    """Points are neighbours up to this distance, metres."""
+    iterations: int = within(30, 1, 100)
+    """Most iterations of one alignment."""
+    advanced: GicpAdvanced = field(default_factory=GicpAdvanced)
+
+    def build(self, context: Context) -> Odometry:
+        from .gicp import GicpRegistration
+        from .odometry import CloudOdometry
+
+        return CloudOdometry(self, context, GicpRegistration(self))
+
+
+@dataclass
+class KissIcp(CloudSettings):
+    """KISS-ICP on depth clouds: point-to-point ICP against a voxel map with an adaptive threshold."""
+
+    voxel_m: float = within(0.1, 0.005, 5.0)
+    """Side of the voxels of the map, metres; scans are thinned to half and then one and a half of it."""
+    iterations: int = within(40, 1, 100)
+    """Most iterations of one alignment; the library's own 500 take seconds where the scene says little."""
+    initial_threshold_m: float = within(0.5, 0.01, 10.0)
+    """First threshold of partners, metres."""
+    min_motion_m: float = within(0.02, 0.0, 10.0)
+    """The least motion that adapts the threshold of partners, metres."""
+
+    def build(self, context: Context) -> Odometry:
+        from .kiss_icp import KissRegistration
+        from .odometry import CloudOdometry
+
+        return CloudOdometry(self, context, KissRegistration(self))

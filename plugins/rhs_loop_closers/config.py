@@ -1,10 +1,15 @@
-"""Thresholds of the loop closers that a user seldom touches: `loop_closer.advanced.name=value`. Light to import."""
+"""Settings of the loop closers `pose_graph`, `error_distribution` and `none`, and the thresholds that a user seldom touches:
+`loop_closer.advanced.name=value`. Light to import."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
-from rhs.api.errors import Bounded, within
+from rhs.api.contracts import Context, LoopCloser, PartSettings
+from rhs.api.errors import Bounded, one_of, within
+from rhs.api.records import Closure, View
 from rhs.estimation.filters.settings import Effort
 from rhs.estimation.scans.settings import LineSettings, ScanLoopSettings
 from rhs.estimation.views.settings import DriftBounds, RansacSettings
@@ -90,3 +95,93 @@ class PoseGraphAdvanced(ClosingAdvanced):
     scan_loops: ScanLoopSettings = field(default_factory=ScanLoopSettings)
     walls: WallSettings = field(default_factory=WallSettings)
     effort: Effort = field(default_factory=lambda: Effort(settled=1e-5))
+
+
+@dataclass
+class PoseGraph(PartSettings):
+    """Finds loops anywhere on the route, refuses those that do not fit together, and solves a robust pose graph."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+
+    min_way_m: float = within(5.0, 0.1, 10000.0)
+    """Two views closer than this along the way are neighbours, not a loop, metres."""
+    min_turn_deg: float = within(90.0, 1.0, 180.0)
+    """Views closer than min_way_m are a loop all the same when the camera looked away by more than this between them
+    and back, degrees: a hand hardly moves on."""
+    checks: int = within(60, 1, 100000)
+    """So many pairs of views, the likeliest ones, are checked by geometry: about 8 ms each at 320x240."""
+    min_inliers: int = within(20, 6, 10000)
+    """Key-points that must agree on one motion between the views."""
+    min_coverage: float = within(0.12, 0.0, 1.0)
+    """Least share of the key-points that both views should show which are found again; look-alike paintings in a
+    different setting fall below it."""
+    support: int = within(2, 1, 1000)
+    """An edge needs so many different later views near it (window_m) that close the same loop."""
+    window_m: float = within(3.0, 0.1, 1000.0)
+    """Metres of way in which the supporting views must lie."""
+    max_drift_share: float = within(0.15, 0.0, 10.0)
+    """A loop may not move a pose by more than this share of the way between its ends (plus half a metre)."""
+    scan_every_m: float = within(1.0, 0.0, 1000.0)
+    """Where a corridor is walked back the other way round its scans are tried every so many metres; 0: never."""
+    walls_every_m: float = within(0.6, 0.0, 1000.0)
+    """Straight walls hold the way between loops: the scans of every so many metres (a radian of turning counts as
+    one) are looked at; 0: never. No camera that is carried, and no scan that was made from walls an odometry
+    believes in."""
+    scale_sigma: float = within(0.03, 1e-6, 1.0)
+    """With walls: the odometry's metres may all be too long or too short by such a share (1 sigma), which is solved
+    for; a wheel whose radius is not quite known is 0.01 to 0.03 off."""
+    drift_m_per_m: float = within(0.03, 1e-5, 1.0)
+    """Odometry noise the graph assumes at least: metres per metre (a steady drift is larger than the noise of a
+    step)."""
+    drift_rad_per_m: float = within(0.01, 1e-5, 1.0)
+    """Odometry noise of the heading the graph assumes at least: radians per metre."""
+    kernel_sigma: float = within(3.0, 0.1, 1000.0)
+    """Scale of the robust (Cauchy) kernel on loop edges, sigmas."""
+    advanced: PoseGraphAdvanced = field(default_factory=PoseGraphAdvanced)
+
+    def build(self, context: Context) -> LoopCloser:
+        from .pose_graph import PoseGraphCloser
+
+        return PoseGraphCloser(self, context)
+
+
+@dataclass
+class ErrorDistribution(PartSettings):
+    """Spreads the error of the end pose over the survey in proportion to the way travelled (thesis eq. 3.14)."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"image"})
+
+    positions: str = one_of("turned", "printed")
+    """printed: the equation alone, axis by axis; turned: angles first, then the steps are walked again with them."""
+    reach_views: int = within(6, 1, 1000)
+    """The last and the first so many stored views are compared."""
+    checks: int = within(8, 1, 1000)
+    """So many of their pairs, those with most matches, are checked by geometry."""
+    min_inliers: int = within(20, 6, 10000)
+    """Key-points that must agree on one rigid motion."""
+    max_drift_share: float = within(0.15, 0.0, 10.0)
+    """A closure that moves the end by more than this share of the distance travelled (plus half a metre) is refused:
+    visual odometry drifts by 1-4 %, in bad light by 10 %."""
+    advanced: ClosingAdvanced = field(default_factory=ClosingAdvanced)
+
+    def build(self, context: Context) -> LoopCloser:
+        from .error_distribution import ErrorSpreader
+
+        return ErrorSpreader(self, context)
+
+
+@dataclass
+class NoClosing(PartSettings):
+    """Leaves the survey as it is."""
+
+    def build(self, context: Context) -> LoopCloser:
+        return Unclosed()
+
+
+class Unclosed:
+    """Returns the poses it was given."""
+
+    def close(self, views: Sequence[View]) -> Closure:
+        from rhs.estimation.views.loops import covariances_of, poses_of
+
+        return Closure(poses_of(views), covariances=covariances_of(views))
