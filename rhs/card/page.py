@@ -8,7 +8,7 @@ import numpy as np
 
 from rhs.plots import new_figure
 from rhs.reports.html import HEAD, TABLE
-from rhs.reports.report import embed_figure
+from rhs.reports.report import embed_figure, template
 
 from .card import Card, short, table
 
@@ -40,11 +40,10 @@ degradation.</p>{{ table(breaks) }}{% endif %}
 def page_of(card: Card) -> str:
     """The page."""
     import yaml
-    from jinja2 import Environment
 
     content = card.content
     names, rows = table(content)
-    return Environment(autoescape=True).from_string(PAGE).render(
+    return template(PAGE).render(
         title=f"Card of {content['part']}", origin=content["from"], verdict=content["verdict"], contract=content["contract"],
         set_title=content.get("set_title", "On the standard set"), rooms_title=content.get("rooms_title", "Room by room"),
         standard_set=content.get("standard_set", ""), figures={"names": names, "rows": rows},

@@ -20,7 +20,7 @@ from rhs.metrics.calibration import Beliefs, beliefs_of, searches
 from rhs.metrics.localise import FOUND_WITHIN_M
 from rhs.plots import new_figure
 from rhs.reports.calibration_pictures import SURE, UNSURE, draw_kidnaps, draw_reliability
-from rhs.reports.drawing import COLOURS, draw_grid, grid_of
+from rhs.reports.drawing import COLOURS, draw_grid
 from rhs.reports.ways import ways
 from rhs.runfolder.row import number_in
 from rhs.runfolder.run import Run, StepLine
@@ -166,7 +166,7 @@ def beliefs_in_maps(runs: Mapping[str, Sequence[Path]]) -> list[tuple[str, Figur
 
 
 def _panel(axes: Axes, folder: Path, steps: Sequence[StepLine]) -> None:
-    if (grid := grid_of(folder / "map.yaml")) is not None:
+    if (grid := Run(folder).grid("map")) is not None:
         draw_grid(axes, grid)
     xy_m = np.array([[float(step["x_m"]), float(step["y_m"])] for step in steps])
     sure = np.array([step["belief_status"] == "tracking" for step in steps])

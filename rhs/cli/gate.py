@@ -72,8 +72,7 @@ def main(words: Sequence[str]) -> int:
 
 def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Job]]:
     """(old row, new job) for the runs of the folder, all composed before any runs. Raises ConfigError."""
-    from rhs.config.compose import config_hash, identity
-    from rhs.config.overlay import overlaid
+    from rhs.config.compose import config_hash, identity, overlaid
     from rhs.config.overrides import Word
     from rhs.sweeps.runs import rows_of, values_of
     from rhs.sweeps.sweep import job_of

@@ -86,7 +86,7 @@ def _part(suite: Suite, chosen: argparse.Namespace) -> tuple[Suite, str]:
     """The suite, or the part of it that was asked for, or its held-out buildings; a note for the page."""
     from dataclasses import replace
 
-    from rhs.sweeps.held_out import revealed
+    from rhs.sweeps.suite import revealed
 
     if chosen.held_out:
         return replace(suite, buildings=revealed(suite.name, Path(chosen.held_out))), "Held-out buildings, now revealed."

@@ -179,7 +179,7 @@ def changes_of(kind: str, config: RunConfig, only: Sequence[str] = ()) -> tuple[
             left_out[key] = "is 0, which has no double"
             continue
         for factor in FACTORS:
-            value, why = _valid(type(now), values, path, before * factor, kind)
+            value, why = _valid(type(now), values, path, before * factor, kind, whole=isinstance(before, int))
             if why or value == before:
                 left_out[key] = why or "is at the end of its range, or too small a whole number"
             else:
@@ -204,9 +204,9 @@ def numbers(values: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[
             yield (*above, key), value
 
 
-def _valid(cls: type, values: Mapping[str, Any], path: tuple[str, ...], target: float, kind: str) -> tuple[float, str]:
+def _valid(cls: type, values: Mapping[str, Any], path: tuple[str, ...], target: float, kind: str, *, whole: bool,
+           ) -> tuple[float, str]:
     """The target, rounded as its type is, or the end of the allowed range next to it; and why it cannot be tried, if so."""
-    whole = isinstance(_at(values, path), int)
     value = round(target) if whole else float(f"{target:.4g}")
     for _ in range(2):
         try:
@@ -219,12 +219,6 @@ def _valid(cls: type, values: Mapping[str, Any], path: tuple[str, ...], target: 
             value = min(max(value, float(said[1])), float(said[2]))
             value = round(value) if whole else value
     return value, f"cannot be {target:g}"
-
-
-def _at(values: Mapping[str, Any], path: Sequence[str]) -> Any:
-    for key in path:
-        values = values[key]
-    return values
 
 
 def _with(values: Mapping[str, Any], path: Sequence[str], value: float) -> dict[str, Any]:
