@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rhs.plots import new_figure
+from rhs.reports.drawing import extent
 from rhs.reports.html import HEAD, TABLE
 from rhs.reports.report import embed_figure, template
 
@@ -112,10 +113,9 @@ def _wrong_answers(faulty: list[Any]) -> Figure:
     known = {one.name: one for one in asked()}
     for number, answer in enumerate(faulty):
         problem, axes = known[answer.name].problem, figure.add_subplot(1, len(faulty), number + 1)
-        rows, columns = problem.blocked.shape
-        (x, y), step = problem.origin_m, problem.resolution_m
-        extent = (x, x + columns * step, y, y + rows * step)
-        axes.imshow(problem.blocked, origin="lower", cmap="Greys", vmax=1.6, extent=extent)
+        (rows, columns), (x, y), step = problem.blocked.shape, problem.origin_m, problem.resolution_m
+        axes.imshow(problem.blocked, origin="lower", cmap="Greys", vmax=1.6,
+                    extent=(x, x + columns * step, y, y + rows * step))
         points = answer.points_m[np.isfinite(answer.points_m).all(axis=1)] if len(answer.points_m) else answer.points_m
         axes.plot(points[:, 0], points[:, 1], color="#c1121f", linewidth=1.2)
         axes.plot(*problem.start_m, "o", color="#2a9d4a", markersize=5)
@@ -127,16 +127,11 @@ def _wrong_answers(faulty: list[Any]) -> Figure:
 
 def _of_localisers(card: Card) -> list[tuple[str, Figure]]:
     from rhs.metrics.calibration import kidnaps
-    from rhs.reports.calibration_pictures import draw_kidnaps, draw_reliability
+    from rhs.reports.calibration_pictures import draw_knowing
 
-    figure = new_figure(10.0, 4.2)
-    left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
     patrols = {part: [one.beliefs for one in result.items if one.beliefs is not None]
                for part, result in card.results.items()}
-    draw_kidnaps(left, [each for one in patrols[card.content["part"]] for each in kidnaps(one)])
-    stated = {part: [np.concatenate([getattr(one, name) for one in found]) for name in ("probability", "right")]
-              for part, found in patrols.items() if found}
-    draw_reliability(right, {part: (probability, was_right) for part, (probability, was_right) in stated.items()})
+    figure = draw_knowing([each for one in patrols[card.content["part"]] for each in kidnaps(one)], patrols)
     return [("Carried away; reliability of its stated chances beside ours", figure), *_broken(card)]
 
 
@@ -181,9 +176,7 @@ def _of_mappers(card: Card) -> list[tuple[str, Figure]]:
     figure = new_figure(2.6 * max(len(drives), 1), 2.6)
     for number, one in enumerate(drives):
         axes = figure.add_subplot(1, len(drives), number + 1)
-        (x, y), (rows, columns), side = one.grid.origin_m, one.grid.shape, one.grid.resolution_m
-        axes.imshow(one.grid.probability, origin="lower", cmap="Greys", vmin=0.0, vmax=1.0,
-                    extent=(x, x + columns * side, y, y + rows * side))
+        axes.imshow(one.grid.probability, origin="lower", cmap="Greys", vmin=0.0, vmax=1.0, extent=extent(one.grid))
         ends = np.concatenate([view.ends_m for view in shown(one.room)])
         axes.plot(ends[:, 0], ends[:, 1], ",", color="#c1121f", alpha=0.6)
         axes.set_title(one.room, fontsize=8)

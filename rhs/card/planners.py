@@ -21,7 +21,7 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import camera_from_fov
 from rhs.api.records import FeatureSettings, Path, PlanningProblem, PlanReason, WorldFacts
 from rhs.api.segments import with_exact_ends
-from rhs.metrics.path_judge import path_valid, polyline_length
+from rhs.metrics.path_judge import path_valid, polyline_length, shortest_length_m
 from rhs.metrics.planning import above_optimum_pct
 from rhs.testing.checks import in_words
 from rhs.testing.shared_state import untouched
@@ -89,7 +89,7 @@ def answers(settings: Any, todo: list[Question]) -> Iterator[Answer]:
 def ask(settings: Any, question: Question, folder: FilePath, *, seed: int = 0, part: Any = None,
         ) -> tuple[Answer, Path | None]:
     """One question to a new planner, or to `part`."""
-    problem, given = question.problem, copied(question.problem)
+    problem, given = question.problem, copy.deepcopy(question.problem)  # whose arrays can be written to
     faults, said, raised, began = [], None, "", process_time()
     try:
         with untouched():
@@ -230,7 +230,7 @@ def second_answers(settings: Any, todo: list[Question], folder: FilePath) -> Ite
         second = Question(f"{first.name} after another map", changed, exact_m(changed))
         try:
             part = settings.build(context_of(changed, folder, number))
-            part.plan(copied(first.problem))
+            part.plan(copy.deepcopy(first.problem))
         except Exception:
             continue  # told already
         fresh, _ = ask(settings, second, folder, seed=number)
@@ -241,14 +241,7 @@ def second_answers(settings: Any, todo: list[Question], folder: FilePath) -> Ite
 
 def exact_m(problem: PlanningProblem) -> float:
     """Length of the exact shortest path."""
-    from rhs.metrics.path_judge import shortest_length_m
-
     return shortest_length_m(problem.blocked, problem.resolution_m, problem.origin_m, [problem.start_m, problem.goal_m])
-
-
-def copied(problem: PlanningProblem) -> PlanningProblem:
-    """A copy whose arrays can be written to."""
-    return copy.deepcopy(problem)
 
 
 def same_problem(one: PlanningProblem, other: PlanningProblem) -> bool:

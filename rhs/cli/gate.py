@@ -46,7 +46,6 @@ def main(words: Sequence[str]) -> int:
     """The command."""
     from rhs.config.dictionary import columns
     from rhs.reports.gate import LOST
-    from rhs.runfolder.folders import claim_sweep
 
     chosen = parse("gate", __doc__, words, measure="", margin=Number(0.02, low=0.0, high=1.0),
                    lost=Number(LOST, low=0.0, high=1.0), pairs=Number(20, low=4, high=100_000), jobs=JOBS)
@@ -61,12 +60,12 @@ def main(words: Sequence[str]) -> int:
     column = columns().get(measure)
     more_is_better = column is not None and column.more_is_better
     within = limits(chosen)
-    with claim_sweep(chosen.output) as claim, going_on(claim.folder):
-        found, notes = _compared(pairs, claim.folder, within, measure, chosen.margin, chosen.lost, more_is_better)
+    with going_on(chosen.output) as folder:
+        found, notes = _compared(pairs, folder, within, measure, chosen.margin, chosen.lost, more_is_better)
         content = {"measure": measure, "margin": chosen.margin, "lost_margin": chosen.lost, **asdict(found)}
-        (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
+        (folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
         told = f"{measure} (more is better)" if more_is_better else measure
-        sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *notes, f"files: {claim.folder}", ""]))
+        sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *notes, f"files: {folder}", ""]))
     return found.exit_code
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,13 @@ def of_blame(row: dict[str, Any]) -> str:
     if measure and isinstance(off_by, float) and off_by > 0.0:
         lines.append(f"({MEASURES[measure][1]}: each may be off by {off_by:.2g})")
     return "\n".join([*lines, str(row["blame"])])
+
+
+def of_searches(accounts: Sequence[Mapping[str, Any]], counts: Sequence[str]) -> str:
+    """A line for each search of a break point. counts: of the runs of each, in words."""
+    width = max(len(one["combination"]) for one in accounts)
+    return "".join(f"{one['combination']:<{width}}  {one['dial']}: {one['says']}  ({count})\n"
+                   for one, count in zip(accounts, counts, strict=True))
 
 
 def of_places(folder: Path) -> str:

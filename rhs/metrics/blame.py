@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from rhs.api.metric import RunFiles, columns_of
+from rhs.runfolder.row import number_in
 
 from .shares import Losses, middle, shapley
 from .success import places_within_reach
@@ -36,10 +38,7 @@ SMALL = 0.05  # of the loss: a link that cost less is not named
 def losses_of(columns: Mapping[str, object]) -> dict[str, float]:
     """What one patrol lost in each measure, from the columns of its row; NaN where nobody knows. A place that nobody can get
     to is no loss."""
-    def number(name: str) -> float:
-        value = columns.get(name)
-        return float(value) if isinstance(value, int | float) else NAN
-
+    number = partial(number_in, columns)
     return {"places": places_within_reach(columns) - number("places_visited"), "belief": number("patrol_rmse_m"),
             "ate": number("ate_unaligned_m"), "way": number("path_length_m") - number("path_optimal_informed_m"),
             "time": number("idleness_worst_s") - number("idleness_bound_s")}
@@ -164,8 +163,8 @@ def blame_values(run: RunFiles) -> dict[str, float | str]:
                                       "blame_off_since": float(blame.get("off_since", NAN)),
                                       "blame_runs": float(blame.get("runs", NAN)), "blame_off_by": _off_by(blame)}
     for measure in MEASURES:
-        values |= {column(measure, link): _number(shares.get(measure, {}).get(link)) for link in LINKS}
-        values[column(measure, "rest")] = _number(blame.get("rest", {}).get(measure))
+        values |= {column(measure, link): number_in(shares.get(measure, {}), link) for link in LINKS}
+        values[column(measure, "rest")] = number_in(blame.get("rest", {}), measure)
     return values
 
 
@@ -178,11 +177,7 @@ def column(measure: str, link: str) -> str:
 def _off_by(blame: Mapping[str, Any]) -> float:
     """Of the shares in the measure that the run is judged by, the largest error there may be."""
     errors = blame.get("off_by", {}).get(blame.get("measure", ""), {})
-    return max(map(_number, errors.values()), default=NAN)
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else NAN
+    return max((number_in(errors, link) for link in errors), default=NAN)
 
 
 def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:

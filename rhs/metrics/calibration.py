@@ -117,22 +117,30 @@ def calibration_values(run: RunFiles) -> dict[str, float | int | str]:
     knows the truth."""
     steps = [row for row in run.steps if row["phase"] in PHASES]
     beliefs = beliefs_of(steps)
-    known = len(beliefs.wrong_m) > 0
+    known, nan = len(beliefs.wrong_m) > 0, float("nan")
     happened = kidnaps(beliefs)
-    metres = np.array([one.metres for one in happened if np.isfinite(one.metres)])
-    seconds = np.array([one.seconds for one in happened if np.isfinite(one.metres)])
-    nan = float("nan")
+    again = recovered(happened)
     return {
         "kidnaps": len(happened) if known else nan,
-        "kidnap_recovered_share": len(metres) / len(happened) if happened else nan,
-        "kidnap_recovery_m": float(np.median(metres)) if len(metres) else nan,
-        "kidnap_recovery_p90_m": float(np.percentile(metres, 90)) if len(metres) else nan,
-        "kidnap_recovery_s": float(np.median(seconds)) if len(seconds) else nan,
-        "kidnap_recovery_p90_s": float(np.percentile(seconds, 90)) if len(seconds) else nan,
-        "kidnap_wrong_sure_share": float(np.mean([one.wrong_sure for one in happened])) if happened else nan,
+        "kidnap_recovered_share": again["share"],
+        "kidnap_recovery_m": again["metres"], "kidnap_recovery_p90_m": again["p90_metres"],
+        "kidnap_recovery_s": again["seconds"], "kidnap_recovery_p90_s": again["p90_seconds"],
+        "kidnap_wrong_sure_share": again["wrong_sure_share"],
         "belief_wrong_sure_share": float(np.mean(beliefs.sure & ~beliefs.right)) if known else nan,
         "belief_ece": calibration_error(beliefs.probability, beliefs.right),
     }
+
+
+def recovered(happened: Sequence[Kidnap]) -> dict[str, float]:
+    """share: of kidnaps after which the robot found itself; metres, seconds: until then, median, and p90_*: 90th percentile;
+    wrong_sure_share: after which it was wrong and sure. NaN of none."""
+    found, nan = [one for one in happened if np.isfinite(one.metres)], float("nan")
+    out = {"share": len(found) / len(happened) if happened else nan,
+           "wrong_sure_share": float(np.mean([one.wrong_sure for one in happened])) if happened else nan}
+    for name in ("metres", "seconds"):
+        took = [getattr(one, name) for one in found] or [nan]
+        out |= {name: float(np.median(took)), f"p90_{name}": float(np.percentile(took, 90))}
+    return out
 
 
 CALIBRATION = columns_of(

@@ -30,7 +30,7 @@ def patrol_steps(run: RunFiles) -> Sequence[Mapping[str, str]]:
 def patrol_values(run: RunFiles) -> Values:
     """What the patrol achieved, by the simulator's word wherever there is one. All unknown where nothing was asked."""
     facts = run.json("facts") or {}
-    places = [(place["x_m"], place["y_m"]) for place in facts.get("places", ())]
+    places = _places(facts)
     if not places:
         return {metric.name: NAN for metric in PATROL}
     patrol = patrol_steps(run)
@@ -129,7 +129,7 @@ def _shortest_m(plan: OccupancyGrid | None, facts: dict, patrol: Sequence[Mappin
 
 
 def _places(facts: dict) -> list[tuple[float, float]]:
-    return [(place["x_m"], place["y_m"]) for place in facts["places"]]
+    return [(place["x_m"], place["y_m"]) for place in facts.get("places", ())]
 
 
 def _true_xy(step: Mapping[str, str]) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -84,17 +85,8 @@ def _mirrored(both: Pairing) -> str:
             "means anything as read: negate y, qx and qz (Unity: z, qx and qy)")
 
 
-def w_first(poses: np.ndarray) -> np.ndarray:
-    """Poses (N, 4, 4) whose quaternions were read with w last, with w first."""
-    return _in_order(poses, [1, 2, 3, 0])
-
-
-def w_last(poses: np.ndarray) -> np.ndarray:
-    """The other way round."""
-    return _in_order(poses, [3, 0, 1, 2])
-
-
-def _in_order(poses: np.ndarray, order: list[int]) -> np.ndarray:
+def _in_order(order: list[int], poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), the numbers of whose quaternions were read in another order."""
     from scipy.spatial.transform import Rotation
 
     out = poses.copy()
@@ -106,7 +98,7 @@ def _in_order(poses: np.ndarray, order: list[int]) -> np.ndarray:
 _QW = ("qw first (of EuRoC's form: last): rpe_* mean nothing; name the columns in its first line: # timestamp tx ty tz qw "
        "qx qy qz")
 READINGS: tuple[tuple[Callable[[np.ndarray], np.ndarray], str], ...] = (
-    (w_first, _QW), (w_last, _QW),
+    (partial(_in_order, [1, 2, 3, 0]), _QW), (partial(_in_order, [3, 0, 1, 2]), _QW),  # w first, read as last; and w last
     (inverse, "the poses of the world in the body (Tcw): no figure means anything as read; invert them"),
 )
 

@@ -82,7 +82,7 @@ def test_two_old_runs_that_become_one_and_a_row_that_cannot_be_read_are_refused(
 
 
 def test_who_stops_a_command_hears_where_it_goes_on(tmp_path, capsys):
-    with pytest.raises(KeyboardInterrupt), going_on(tmp_path):
+    with pytest.raises(KeyboardInterrupt), going_on(str(tmp_path)):
         raise KeyboardInterrupt
     assert capsys.readouterr().out == f"files: {tmp_path}; the same command with output={tmp_path} goes on\n"
 
