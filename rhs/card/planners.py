@@ -102,7 +102,8 @@ def ask(settings: Any, question: Question, folder: FilePath, *, seed: int = 0, p
         raised = in_words(error)
         faults.append("raises" if "read-only" not in str(error) else "writes_to_the_problem")
     cpu_ms = 1e3 * (process_time() - began)
-    if not same_problem(given, problem):
+    if not all(np.array_equal(getattr(given, name), getattr(problem, name), equal_nan=name != "blocked")
+               for name in ("blocked", "start_m", "goal_m")):
         faults.append("writes_to_the_problem")
     path = said if isinstance(said, Path) and isinstance(said.reason, PlanReason) else None
     if said is not None or not faults:
@@ -242,12 +243,6 @@ def second_answers(settings: Any, todo: list[Question], folder: FilePath) -> Ite
 def exact_m(problem: PlanningProblem) -> float:
     """Length of the exact shortest path."""
     return shortest_length_m(problem.blocked, problem.resolution_m, problem.origin_m, [problem.start_m, problem.goal_m])
-
-
-def same_problem(one: PlanningProblem, other: PlanningProblem) -> bool:
-    """Nothing was written to."""
-    return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=name != "blocked")
-               for name in ("blocked", "start_m", "goal_m"))
 
 
 def context_of(problem: PlanningProblem, folder: FilePath, seed: int) -> Context:

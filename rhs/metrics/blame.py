@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 from rhs.api.metric import RunFiles, columns_of
 from rhs.runfolder.row import number_in
@@ -157,11 +156,13 @@ def _off(since: int) -> str:
 def blame_values(run: RunFiles) -> dict[str, float | str]:
     """The columns of task=blame from blame.json."""
     blame = run.json("blame") or {}
+    errors = blame.get("off_by", {}).get(blame.get("measure", ""), {})
     shares: Mapping[str, Mapping[str, float]] = blame.get("shares", {})
     values: dict[str, float | str] = {"blame": str(blame.get("verdict", "")), "blame_link": str(blame.get("link", "")),
                                       "blame_measure": str(blame.get("measure", "")),
                                       "blame_off_since": float(blame.get("off_since", NAN)),
-                                      "blame_runs": float(blame.get("runs", NAN)), "blame_off_by": _off_by(blame)}
+                                      "blame_runs": float(blame.get("runs", NAN)),
+                                      "blame_off_by": max((number_in(errors, link) for link in errors), default=NAN)}
     for measure in MEASURES:
         values |= {column(measure, link): number_in(shares.get(measure, {}), link) for link in LINKS}
         values[column(measure, "rest")] = number_in(blame.get("rest", {}), measure)
@@ -172,12 +173,6 @@ def column(measure: str, link: str) -> str:
     """The column of a link's share of the loss in a measure."""
     unit = MEASURES[measure][0]
     return f"blame_{measure}_{link}" + (f"_{unit}" if unit else "")
-
-
-def _off_by(blame: Mapping[str, Any]) -> float:
-    """Of the shares in the measure that the run is judged by, the largest error there may be."""
-    errors = blame.get("off_by", {}).get(blame.get("measure", ""), {})
-    return max((number_in(errors, link) for link in errors), default=NAN)
 
 
 def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:

@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .export import as_markdown as as_markdown
-from .export import write_text
-from .intervals import interval_rank as interval_rank
+from .export import as_markdown, write_text
 from .intervals import legend, mean_interval, mean_text, median_text, share_text, units
 from .observations import QUESTION, clusters, failures_told, independent, judged, numbers, planned, problems, reasons
 from .varied_settings import is_setting

@@ -77,7 +77,8 @@ def key_of(config: RunConfig, building: World | None) -> str | None:
     if values is None or any(origin.file for origin in _origins(config, later=False)):
         return None
     read = b"" if building is None or is_random(config.world) else pickle.dumps(replace(building, path=Path()))
-    known = [values, versions(), _installed(), str(HERE), sorted(_stamps(values)), hashlib.sha256(read).hexdigest()]
+    installed = sorted({path.name for folder in sys.path if folder for path in Path(folder).glob("*.dist-info")})
+    known = [values, versions(), installed, str(HERE), sorted(_stamps(values)), hashlib.sha256(read).hexdigest()]
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:32]
 
 
@@ -199,11 +200,6 @@ def _origins(config: RunConfig, *, later: bool) -> list[registry.Origin]:
 
     chosen = {"task": config.task.name, **{kind: one.name for kind, one in config.parts.items()}}
     return [origin for kind, name in chosen.items() if (kind in LATER) is later for origin in registry.origins(kind, name)]
-
-
-def _installed() -> list[str]:
-    """Every distribution with its version, by the names of their folders."""
-    return sorted({path.name for folder in sys.path if folder for path in Path(folder).glob("*.dist-info")})
 
 
 def _stamps(value: Any) -> Iterator[tuple[str, int, int]]:
