@@ -17,7 +17,8 @@ from rhs.api.geometry import exp_se3, inverse, log_se3
 from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.api.validate import check_belief
 from rhs.metrics.calibration import Beliefs, calibration_error, kidnaps, recovered
-from rhs.testing.localisers import FINE, PLANE, SIGMA
+from rhs.testing.localisers import FINE, SIGMA
+from rhs.testing.odometry import PLANE
 from rhs.testing.room import FURNISHED, HALL, Room, context, for_part
 
 from .forked import ForkResult

@@ -151,4 +151,4 @@ def figures(result: ForkResult) -> dict[str, float]:
 
 def details(result: ForkResult) -> dict[str, Any]:
     """The drives one by one."""
-    return {"rooms": {one.room: figures(ForkResult([one], "", float("nan"))) for one in result.items}}
+    return {"rooms": {one.room: figures(ForkResult([one])) for one in result.items}}

@@ -127,7 +127,7 @@ def figures(result: ForkResult) -> dict[str, float]:
 
 def details(result: ForkResult) -> dict[str, Any]:
     """The drives one by one, and where it breaks."""
-    drives = {one.room: figures(ForkResult([one], "", float("nan"))) for one in result.items if one.level is None}
+    drives = {one.room: figures(ForkResult([one])) for one in result.items if one.level is None}
     first = [one for one in result.items if one.level is None and one.room == "room"]
     if not first:
         return {"rooms": drives, "breaks": []}

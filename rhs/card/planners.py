@@ -24,6 +24,7 @@ from rhs.api.segments import with_exact_ends
 from rhs.metrics.path_judge import path_valid, polyline_length, shortest_length_m
 from rhs.metrics.planning import above_optimum_pct
 from rhs.testing.checks import in_words
+from rhs.testing.planners import UNREACHABLE
 from rhs.testing.shared_state import untouched
 
 from .forked import ForkResult
@@ -132,7 +133,7 @@ def faults_of(path: Path, question: Question) -> list[str]:
         if len(points):
             return ["no_path"]
         wrong = np.isfinite(question.optimal_m) and path.reason is not PlanReason.BUDGET_SPENT
-        return ["denies_a_way"] if wrong else ["wrong_reason"] if path.reason not in UNREACHED else []
+        return ["denies_a_way"] if wrong else ["wrong_reason"] if path.reason not in UNREACHABLE else []
     if not len(points):
         return ["no_path"]
     if not np.isfinite(points).all():
@@ -142,9 +143,6 @@ def faults_of(path: Path, question: Question) -> list[str]:
     if not path_valid(points, problem.blocked, problem.resolution_m, problem.origin_m):
         faults.append(way_through(points, problem))
     return faults
-
-
-UNREACHED = (PlanReason.DISCONNECTED, PlanReason.BUDGET_SPENT)
 
 
 def way_through(points: np.ndarray, problem: PlanningProblem) -> str:

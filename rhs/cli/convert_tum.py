@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import SourceContext
 from rhs.api.files import write_whole
 from rhs.api.geometry import rotation_of_quaternion, se3
 from rhs.api.records import Capture
@@ -150,7 +151,6 @@ def _replay(source: Path, settings: Sequence[str]) -> Any:
     """The replay source on a path, by its registered name, with settings from the command line."""
     import yaml
 
-    from rhs.api.contracts import SourceContext
     from rhs.config.registry import load
 
     chosen: dict[str, Any] = {"path": str(source)}

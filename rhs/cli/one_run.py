@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rhs.base.commands import LONGEST, complain, plain, shortened, signal_code
 from rhs.base.processes import kill_strays, resident_bytes
+from rhs.base.system import processors
 
 from . import first_run
 from .streams import streams_kept
@@ -91,7 +92,6 @@ class RunLimits:
 def one_run(config: RunConfig, debug: bool, timeout_s: float = 0.0, memory_mb: float = 0.0) -> int:
     """Run it under a progress bar, say what came of it; the exit code. timeout_s, memory_mb: 0 for no limit."""
     from rhs.api.jit import on_compile
-    from rhs.base.system import processors
     from rhs.metrics.evaluate import folder_fault
     from rhs.metrics.truth_clock import clock_fault
     from rhs.patrol.observers import bar

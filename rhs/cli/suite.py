@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,8 +84,6 @@ def _combinations(suite: Suite, chosen: argparse.Namespace) -> tuple[dict[str, s
 
 def _part(suite: Suite, chosen: argparse.Namespace) -> tuple[Suite, str]:
     """The suite, or the part of it that was asked for, or its held-out buildings; a note for the page."""
-    from dataclasses import replace
-
     from rhs.sweeps.suite import revealed
 
     if chosen.held_out:

@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from rhs.api import settings
 from rhs.api.contracts import DEGRADE, KINDS, REPLACED_BY_SLAM, SLAM
 from rhs.api.errors import Bounded, ConfigError, PluginError, one_of, within
@@ -263,8 +265,6 @@ def to_plain(config: RunConfig) -> dict[str, Any]:
 
 def write_config(config: RunConfig, folder: Path) -> None:
     """config.yaml: the resolved configuration, which `from_plain` reads back."""
-    import yaml
-
     with replacing(folder / "config.yaml") as file:
         yaml.dump(to_plain(config), file, getattr(yaml, "CSafeDumper", yaml.SafeDumper), sort_keys=False, allow_unicode=True)
 

@@ -12,6 +12,7 @@ import re
 import sys
 import time
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -64,8 +65,6 @@ def write_logs(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
 
 def log_text(name: str, world: str, found: Sequence[Group]) -> str:
     """The log of one problem on one map."""
-    from importlib.metadata import version
-
     seconds = sum(float(group.rows["wall_ms"].astype("float64").sum()) for group in found) / 1e3
     runs = max(len(group.rows) for group in found)
     lines = [f"OMPL version {version('ompl')}", f"Experiment {name}", "0 experiment properties",

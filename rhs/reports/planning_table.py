@@ -10,6 +10,7 @@ field.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, NamedTuple
@@ -235,7 +236,5 @@ def _span(values: np.ndarray) -> str:
 
 def _shares(words: Sequence[str]) -> str:
     """`left 3, right 7`, most frequent first."""
-    from collections import Counter
-
     counts = Counter(str(word)[:40] for word in words if str(word))
     return ", ".join(f"{word} {count}" for word, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])))

@@ -34,8 +34,10 @@ from .charts import bars, blame_picture, errors_by_axis, errors_over_time, stage
 from .drawing import draw_run, title, unit_of
 from .export import write_text
 from .html import RUN, SWEEP
+from .observations import judged, reasons
 from .patrol_story import patrol_story
-from .summary import notes_of
+from .summary import listing, notes_of, short, shown, summarise
+from .table import some_rows, tell_unreadable
 from .video import video
 from .ways import ways
 
@@ -150,10 +152,6 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
     """report.html of a folder of runs: bars per group, their ways over one another, the summary, the worst, and every run.
 
     A row.json that cannot be read is reported into `unreadable` and on the page; without that list it raises RhsError."""
-    from .observations import judged
-    from .summary import listing, shown, summarise
-    from .table import some_rows
-
     folder, left_out = Path(folder), [] if unreadable is None else unreadable
     table = some_rows([folder], left_out)
     if unreadable is None and left_out:
@@ -175,8 +173,6 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
 def worst(table: pandas.DataFrame, most: int = MOST_WORST) -> list[tuple[str, str]]:
     """(folder, why) of runs that did not do what was asked, at most so many and as different as they are: one of each
     reason, the most frequent first, then a second of each."""
-    from .observations import reasons
-
     why = {str(run): reason for run, reason in zip(table.index, reasons(table), strict=True) if reason}
     often, told = Counter(why.values()), Counter[str]()
     turn = {run: told.update([reason]) or told[reason] for run, reason in why.items()}
@@ -224,8 +220,6 @@ def _shown(row: dict[str, object]) -> list[tuple[str, str]]:
 
 
 def _cells(view: Any) -> dict[str, list]:
-    from .summary import short
-
     return {"names": [str(name) for name in view.columns],
             "rows": [[short(value) for value in row] for row in view.itertuples(index=False, name=None)]}
 
@@ -260,8 +254,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--video", action="store_true", help="also make video.webm (needs recording=full)")
 
     def work() -> int:
-        from .table import tell_unreadable
-
         chosen, codes = parser.parse_args(arguments), []  # type: ignore[var-annotated]
         for folder in chosen.folders:
             unreadable: list[str] = []

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,8 +115,6 @@ def listing(table: pandas.DataFrame, columns: Sequence[str]) -> pandas.DataFrame
 
 def check_columns(table: pandas.DataFrame, names: Sequence[str]) -> None:
     """Refuse a column that the table lacks, with those it has that look alike."""
-    from difflib import get_close_matches
-
     for name in names:
         if name not in table.columns:
             near = get_close_matches(name, list(table.columns), n=3)

@@ -45,16 +45,13 @@ def ways(table: pandas.DataFrame, group: Sequence[str]) -> Figure | None:
         axes = figure.add_subplot(lines, columns, place + 1)
         seeds = len({row.get("seed") for _, row in runs}) > 1
         names = [name for name in group if name != "world"] + (["seed"] if seeds else [])
-        _panel(axes, [(folder, row, " · ".join(_word(row, name) for name in names)) for folder, row in runs[:LINES]])
+        _panel(axes, [(folder, row, " · ".join(f"seed {row[name]}" if name == "seed" else str(row[name]) for name in names))
+                      for folder, row in runs[:LINES]])
         left = f", {LINES} of {len(runs)} runs" if len(runs) > LINES else ""
         axes.set_title(f"{where}{left}", fontsize=9)
     if len(shared) > PANELS:
         figure.suptitle(f"{PANELS} of {len(shared)} recordings or buildings", fontsize=9)
     return figure
-
-
-def _word(row: Any, name: str) -> str:
-    return f"seed {row[name]}" if name == "seed" else str(row[name])
 
 
 def _panel(axes: Axes, runs: Sequence[tuple[Path, Any, str]]) -> None:
