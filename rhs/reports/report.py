@@ -61,7 +61,6 @@ def drawings(folder: Path) -> list[Callable[[], Path | None]]:
     from .calibration_pictures import calibration_picture, precision_recall_picture
     from .planning_pictures import plan_picture
 
-    folder = Path(folder)
     of_file = {"plan.json": plan_picture, "precision_recall.csv": precision_recall_picture, "blame.json": blame_picture}
     made: list[Callable[[Path], Path | None]] = [draw for name, draw in of_file.items() if (folder / name).exists()]
     if (folder / "steps.csv").exists():
@@ -134,7 +133,6 @@ def html(folder: Path) -> Path:
     """report.html of one run: numbers, pictures, missions, settings; the video too when it is there and not large."""
     import pandas as pd
 
-    folder = Path(folder)
     row = read_row(folder / "row.json")
     steps = pd.read_csv(folder / "steps.csv") if (folder / "steps.csv").exists() else None
     overview_png = folder / "overview.png" if (folder / "overview.png").exists() else overview(folder)
@@ -152,7 +150,7 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
     """report.html of a folder of runs: bars per group, their ways over one another, the summary, the worst, and every run.
 
     A row.json that cannot be read is reported into `unreadable` and on the page; without that list it raises RhsError."""
-    folder, left_out = Path(folder), [] if unreadable is None else unreadable
+    left_out = [] if unreadable is None else unreadable
     table = some_rows([folder], left_out)
     if unreadable is None and left_out:
         raise RhsError(left_out[0])

@@ -21,7 +21,6 @@ FRAMES_PER_S = 10.0
 
 def video(folder: Path) -> Path:
     """Make video.webm of a run folder from its run.mcap. Raises RhsError when it cannot be made."""
-    folder = Path(folder)
     if not (folder / "run.mcap").exists():
         raise RhsError(f"{folder} has no run.mcap; run with recording=full to make a video")
     return write_whole(folder / "video.webm", lambda path: _film(folder, path))

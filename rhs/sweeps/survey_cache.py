@@ -18,7 +18,7 @@ import sys
 import sysconfig
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -157,22 +157,14 @@ def code_of(config: RunConfig) -> Iterator[tuple[str, int, int]]:
                 yield (file, *_stamp(path))
 
 
-@dataclass(frozen=True)
-class Kept:
-    """count: surveys. size_mb: of all."""
-
-    count: int
-    size_mb: float
-
-
-def kept() -> Kept:
-    """What the folder holds."""
+def kept() -> tuple[int, float]:
+    """How many surveys the folder holds, and MB of all."""
     sizes = [size for _, size, _ in _files()]
-    return Kept(len(sizes), 1e-6 * sum(sizes))
+    return len(sizes), 1e-6 * sum(sizes)
 
 
-def clear(most_mb: float = 0.0) -> Kept:
-    """Delete those that were used longest ago until no more is left than this. What was deleted."""
+def clear(most_mb: float = 0.0) -> tuple[int, float]:
+    """Delete those that were used longest ago until no more is left than this. How many were deleted, and MB of all."""
     gone, files = [], sorted(_files())
     left = sum(size for _, size, _ in files)
     for _, size, path in files:
@@ -182,7 +174,7 @@ def clear(most_mb: float = 0.0) -> Kept:
             path.unlink()
             gone.append(size)
         left -= size
-    return Kept(len(gone), 1e-6 * sum(gone))
+    return len(gone), 1e-6 * sum(gone)
 
 
 def _files() -> list[tuple[float, int, Path]]:
