@@ -175,7 +175,7 @@ def column(measure: str, link: str) -> str:
     return f"blame_{measure}_{link}" + (f"_{unit}" if unit else "")
 
 
-def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
+def _specs() -> list[tuple[str, str, str, str]]:
     source = "rhs.metrics.blame (Shapley 1953)"
     return [("blame", "", "which link cost what, and since when, in one sentence", source),
             ("blame_link", "", "the link that is named: the earliest whose truth alone saves nearly all that was lost, as "
@@ -189,7 +189,7 @@ def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
              "fewer patrols were driven than there are combinations, if one truth more makes nothing worse; of its 95 % "
              "interval, where they were sampled", source),
             *((column(measure, link), unit, f"{what}: share that the link {link} cost", source)
-              for measure, (unit, what) in MEASURES.items() for link in named),
+              for measure, (unit, what) in MEASURES.items() for link in LINKS),
             *((column(measure, "rest"), unit, f"{what}: left with the truth in every link that was tried", source)
               for measure, (unit, what) in MEASURES.items())]
 

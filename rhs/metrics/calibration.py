@@ -69,9 +69,9 @@ def beliefs_of(steps: Sequence[Mapping[str, str]]) -> Beliefs:
     )  # fmt: skip
 
 
-def kidnaps(beliefs: Beliefs, within_m: float = WITHIN_M) -> list[Kidnap]:
+def kidnaps(beliefs: Beliefs) -> list[Kidnap]:
     """Every kidnap of a patrol, judged."""
-    return searches(beliefs, beliefs.kidnapped, within_m)
+    return searches(beliefs, beliefs.kidnapped, WITHIN_M)
 
 
 def searches(beliefs: Beliefs, begins_here: np.ndarray, within_m: float) -> list[Kidnap]:
@@ -96,19 +96,19 @@ def _judged(beliefs: Beliefs, begin: int, end: int, within_m: float) -> Kidnap:
     return Kidnap(way_m, beliefs.wrong_m[views], beliefs.sure[views], metres, seconds, wrong_sure)
 
 
-def reliability(probability: np.ndarray, right: np.ndarray, bins: int = BINS) -> np.ndarray:
+def reliability(probability: np.ndarray, right: np.ndarray) -> np.ndarray:
     """(B, 3) of the bins of predicted chance that hold any view: mean chance, share that was right, number of views."""
-    at = np.minimum((bins * np.asarray(probability)).astype(int), bins - 1)
+    at = np.minimum((BINS * np.asarray(probability)).astype(int), BINS - 1)
     right = np.asarray(right, float)
     return np.array([[probability[at == b].mean(), right[at == b].mean(), (at == b).sum()]
                      for b in np.unique(at)]).reshape(-1, 3)
 
 
-def calibration_error(probability: np.ndarray, right: np.ndarray, bins: int = BINS) -> float:
+def calibration_error(probability: np.ndarray, right: np.ndarray) -> float:
     """Expected calibration error: mean over the views of |chance - share right| of their bin; NaN without views."""
     if len(probability) == 0:
         return float("nan")
-    chance, share, count = reliability(probability, right, bins).T
+    chance, share, count = reliability(probability, right).T
     return float((np.abs(chance - share) * count).sum() / count.sum())
 
 

@@ -16,10 +16,10 @@ from importlib.metadata import version
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from rhs.api.files import replacing
 from rhs.base.commands import Arguments, answered
 from rhs.base.errors import ConfigError
 
+from .export import write_text
 from .planning_table import Group, groups
 from .table import some_rows, tell_unreadable
 
@@ -57,8 +57,7 @@ def write_logs(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
     for (world, problem), found in experiments.items():
         name = f"{FilePath(world).stem} {problem}".strip()
         path = folder / f"{re.sub(r'[^A-Za-z0-9._-]+', '_', name).strip('_')[:120]}.log"
-        with replacing(path) as file:
-            file.write(log_text(name, world, found))
+        write_text(path, log_text(name, world, found))
         written.append(path)
     return written
 

@@ -17,9 +17,9 @@ from .sensors import captures
 from .shared_state import same, untouched
 
 
-def _spoiled(settings: Any, folder: Path, seed: int = 0) -> list[Capture | None]:
+def _spoiled(settings: Any, folder: Path) -> list[Capture | None]:
     """The views of the small room as they arrive, each with the true motion before it."""
-    part = complete("degrade", settings.build(context(folder, seed)))
+    part = complete("degrade", settings.build(context(folder)))
     out, previous = [], captures()[0][0]
     for pose, capture in captures():
         with untouched(capture):

@@ -60,10 +60,10 @@ def patrol() -> tuple[Seen, ...]:
     return tuple(out)
 
 
-def in_the_dark(motions: Sequence[np.ndarray], covariance: np.ndarray = FINE) -> list[Seen]:
+def in_the_dark(motions: Sequence[np.ndarray]) -> list[Seen]:
     """Views with nothing in them, and these motions (4x4): there is nothing else to go by."""
     view = drive()[0][1]
-    return [(blind(view, k), freeze(Motion(motion, covariance.copy(), Tracking.OK))) for k, motion in enumerate(motions)]
+    return [(blind(view, k), freeze(Motion(motion, FINE.copy(), Tracking.OK))) for k, motion in enumerate(motions)]
 
 
 def hard() -> list[Seen]:
