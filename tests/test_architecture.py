@@ -47,7 +47,6 @@ SHALLOW = {
     "estimation.views.thumbnail_kernels": "compiled code, imported when needed",
     "estimation.views.thinning": "which places of many; the survey that asks knows nothing of distances between poses",
     "metrics.recording": "a provider of columns, found by its entry point",
-    "reports.thresholds": "reads a table and fits; its importer only prints",
     "reports.world_pictures": "draws; its importer only prints",
     "sweeps.server": "what the forking process imports, and no other",
     "testing.degradations": "one kind of plugin each", "testing.replans": "one kind of plugin each",

@@ -49,9 +49,8 @@ def of_sweep(folder: Path) -> str:
     """The summary of a sweep's rows; the whole table and, where planners ran alone, theirs are written in the folder."""
     from rhs.reports.export import write_text
     from rhs.reports.planning_table import planning_rows, planning_table, publish
-    from rhs.reports.summary import as_text, summarise
+    from rhs.reports.summary import as_text, summarise, thresholds
     from rhs.reports.table import rows, to_csv
-    from rhs.reports.thresholds import thresholds
 
     unreadable: list[str] = []
     table = rows([folder], unreadable=unreadable)
