@@ -79,8 +79,8 @@ def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None)
     if kind in MEASURED:
         measure(card, kind, {name: settings} | references(kind, name), tell)
     content["verdict"] = verdict(content)
-    content["passes"] = all(one["holds"] for one in content["contract"]) and not content.get("faults") and not any(
-        content.get("ended", {}).get(part) for part in [content["part"]])
+    content["passes"] = (all(one["holds"] for one in content["contract"]) and not content.get("faults")
+                         and not content.get("ended", {}).get(content["part"]))
     card.content = without_nan(content)
     return card
 
