@@ -6,7 +6,9 @@ time, so that they are the same bytes wherever they are made; times stand in a t
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -116,7 +118,9 @@ def row_of(name: str, question: Question, seed: int, answered: tuple[Any, Any]) 
 
 def csv_of(rows: Sequence[Row]) -> str:
     """The rows, without a time."""
-    return "\n".join([",".join(ROW), *(",".join(row.cells) for row in rows)]) + "\n"
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([ROW, *(row.cells for row in rows)])
+    return text.getvalue()
 
 
 def hash_of(rows: Sequence[Row]) -> str:

@@ -20,6 +20,7 @@ from rhs.api.contracts import DEGRADE, KINDS, SLAM
 from rhs.base.errors import ConfigError
 from rhs.base.provenance import commit, versions
 from rhs.config import registry
+from rhs.reports.export import without_nan
 from rhs.testing.checks import checks
 
 from . import localisers, loop_closers, mappers, odometries, planners
@@ -78,8 +79,8 @@ def card_of(kind: str, name: str, settings: Any, tell: Tell = lambda said: None)
     if kind in MEASURED:
         measure(card, kind, {name: settings} | references(kind, name), tell)
     content["verdict"] = verdict(content)
-    content["passes"] = all(one["holds"] for one in content["contract"]) and not content.get("faults") and not any(
-        content.get("ended", {}).get(part) for part in [content["part"]])
+    content["passes"] = (all(one["holds"] for one in content["contract"]) and not content.get("faults")
+                         and not content.get("ended", {}).get(content["part"]))
     card.content = without_nan(content)
     return card
 
@@ -178,15 +179,6 @@ def of_contract(content: dict[str, Any]) -> str:
     count = len(content["contract"])
     return (f"breaks its contract in {len(failed)} of {count} checks: {', '.join(failed)}" if failed
             else f"keeps its contract ({count} checks)")
-
-
-def without_nan(value: Any) -> Any:
-    """The value with NaN and infinity, which JSON does not know, as null."""
-    if isinstance(value, dict):
-        return {name: without_nan(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [without_nan(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def table(content: dict[str, Any]) -> tuple[list[str], Sequence[Sequence[str]]]:

@@ -39,43 +39,37 @@ def run_forked(work: Callable[[], Iterator[Any]], *, patience_s: float,
                tell: Callable[[Any], None] = lambda item: None) -> ForkResult:
     """Run `work()` in a forked process, ended when an item takes longer than patience_s, beyond what it stood in line for a
     processor. tell: called with each item."""
-    with tempfile.TemporaryDirectory(prefix="rhs-", ignore_cleanup_errors=True) as scratch:
-        return _run_forked(work, patience_s, tell, scratch)
-
-
-def _run_forked(work: Callable[[], Iterator[Any]], patience_s: float, tell: Callable[[Any], None],
-                scratch: str) -> ForkResult:
-    """The same. scratch: where it makes its temporary files, which are nobody's when it is killed."""
-    result, (ours, theirs) = ForkResult(), OF.Pipe(duplex=False)
-    process = OF.Process(target=_say, args=(work, theirs, scratch), daemon=False)  # it may fork
-    sys.stdout.flush()
-    sys.stderr.flush()
-    process.start()
-    theirs.close()
-    try:
-        while True:
-            if not _answers(ours, process.pid, patience_s):
-                result.ended = f"no answer for {patience_s:g} s"
+    with tempfile.TemporaryDirectory(prefix="rhs-", ignore_cleanup_errors=True) as scratch:  # nobody's when it is killed
+        result, (ours, theirs) = ForkResult(), OF.Pipe(duplex=False)
+        process = OF.Process(target=_say, args=(work, theirs, scratch), daemon=False)  # it may fork
+        sys.stdout.flush()
+        sys.stderr.flush()
+        process.start()
+        theirs.close()
+        try:
+            while True:
+                if not _answers(ours, process.pid, patience_s):
+                    result.ended = f"no answer for {patience_s:g} s"
+                    break
+                what, value = ours.recv()
+                if what == "item":
+                    result.items.append(value)
+                    tell(value)
+                    continue
+                if what == "end":
+                    result.memory_mb, result.cpu_s, result.waited_share = value
+                else:
+                    result.ended = value
                 break
-            what, value = ours.recv()
-            if what == "item":
-                result.items.append(value)
-                tell(value)
-                continue
-            if what == "end":
-                result.memory_mb, result.cpu_s, result.waited_share = value
-            else:
-                result.ended = value
-            break
-    except EOFError:
-        process.join()
-        result.ended = f"its process ended by itself (exit code {process.exitcode})"
-    finally:
-        if process.pid is not None and process.is_alive():
-            kill_group(process.pid)
-        process.join()
-        ours.close()
-    return result
+        except EOFError:
+            process.join()
+            result.ended = f"its process ended by itself (exit code {process.exitcode})"
+        finally:
+            if process.pid is not None and process.is_alive():
+                kill_group(process.pid)
+            process.join()
+            ours.close()
+        return result
 
 
 def _answers(pipe: Connection, pid: int | None, patience_s: float) -> bool:

@@ -16,8 +16,9 @@ from rhs.api.frozen import freeze
 from rhs.api.geometry import exp_se3, inverse, log_se3
 from rhs.api.records import Belief, BeliefStatus, Motion, Tracking
 from rhs.api.validate import check_belief
-from rhs.metrics.calibration import Beliefs, calibration_error, kidnaps
-from rhs.testing.localisers import FINE, PLANE, SIGMA
+from rhs.metrics.calibration import Beliefs, calibration_error, kidnaps, recovered
+from rhs.testing.localisers import FINE, SIGMA
+from rhs.testing.odometry import PLANE
 from rhs.testing.room import FURNISHED, HALL, Room, context, for_part
 
 from .forked import ForkResult
@@ -140,14 +141,12 @@ def figures(result: ForkResult) -> dict[str, float]:
         return {}
     probability, right, sure, wrong_m = (np.concatenate([getattr(one.beliefs, name) for one in found])
                                          for name in ("probability", "right", "sure", "wrong_m"))
-    carried = [each for one in found for each in kidnaps(one.beliefs)]
-    metres = [each.metres for each in carried if np.isfinite(each.metres)]
+    again = recovered([each for one in found for each in kidnaps(one.beliefs)])
     nees = np.concatenate([one.nees for one in found])
     nan = float("nan")
     return {"right_share": float(right.mean()), "sure_share": float(sure.mean()),
             "wrong_sure_share": float((sure & ~right).mean()),
-            "ece": calibration_error(probability, right), "recovered_share": len(metres) / len(carried),
-            "recovery_m": float(np.median(metres)) if metres else nan,
+            "ece": calibration_error(probability, right), "recovered_share": again["share"], "recovery_m": again["metres"],
             "error_m": float(np.median(wrong_m[sure])) if sure.any() else nan,
             "nees": float(np.median(nees)) if len(nees) else nan,
             "update_ms": float(np.median(np.concatenate([one.cpu_ms for one in found]))), "memory_mb": result.memory_mb}

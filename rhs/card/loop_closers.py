@@ -128,4 +128,4 @@ def figures(result: ForkResult) -> dict[str, float]:
 
 def details(result: ForkResult) -> dict[str, Any]:
     """The surveys one by one."""
-    return {"rooms": {one.survey: figures(ForkResult([one], "", float("nan"))) for one in result.items}}
+    return {"rooms": {one.survey: figures(ForkResult([one])) for one in result.items}}

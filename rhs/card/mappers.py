@@ -20,13 +20,12 @@ from rhs.api.grid import OccupancyGrid
 from rhs.api.records import Scan
 from rhs.api.validate import check_grid
 from rhs.metrics.calibration import calibration_error
+from rhs.testing.mappers import FREE, NEAR_CELLS, OCCUPIED
 from rhs.testing.room import CORRIDOR, FURNISHED, HALL, Room, context, scan_of
 
 from .forked import ForkResult
 from .laps import LAP, STRAIGHT, round_room, stretch
 
-OCCUPIED, FREE = 0.65, 0.25  # rhs.api.grid.OccupancyGrid
-NEAR_CELLS = 1.5  # a wall may be drawn one cell off
 POSE_SIGMA = np.array([0.02, 0.02, np.radians(0.5)])  # of the poses of a good survey, metres and radians
 BODY_M, STRIDE_M = 0.25, 0.12  # radius of who passes by, and the way in a view
 DRIVES: dict[str, tuple[Room, tuple[tuple[float, float], ...], bool, bool]] = {  # steps, wrong poses, somebody passes by
@@ -152,4 +151,4 @@ def figures(result: ForkResult) -> dict[str, float]:
 
 def details(result: ForkResult) -> dict[str, Any]:
     """The drives one by one."""
-    return {"rooms": {one.room: figures(ForkResult([one], "", float("nan"))) for one in result.items}}
+    return {"rooms": {one.room: figures(ForkResult([one])) for one in result.items}}

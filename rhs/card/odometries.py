@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -78,8 +78,7 @@ def work(settings: Any, *, degraded: bool = True) -> Iterator[Driven]:
         views = stretch(room, steps, 1)[:SHORT]
         for dial, level, degradation in levels(folder) if degraded else ():
             found = driven(settings, "room", room, spoiled(views, degradation), folder)
-            yield Driven("", found.errors, found.nees, found.ok, found.drift, found.cpu_ms, found.apart,
-                         (dial, level, found.good))
+            yield replace(found, level=(dial, level, found.good))
 
 
 def driven(settings: Any, title: str, room: Room, views: Sequence[Seen], folder: Path) -> Driven:
@@ -128,10 +127,9 @@ def figures(result: ForkResult) -> dict[str, float]:
 
 def details(result: ForkResult) -> dict[str, Any]:
     """The drives one by one, and where it breaks."""
-    drives = {one.room: figures(ForkResult([one], "", float("nan"))) for one in result.items if one.level is None}
+    drives = {one.room: figures(ForkResult([one])) for one in result.items if one.level is None}
     first = [one for one in result.items if one.level is None and one.room == "room"]
     if not first:
         return {"rooms": drives, "breaks": []}
-    errors, nees, ok = (getattr(first[0], name)[:SHORT - 1] for name in ("errors", "nees", "ok"))
-    whole = Driven("room", errors, nees, ok, 0.0, first[0].cpu_ms, first[0].apart).good
-    return {"rooms": drives, "breaks": breaks_at(result.items, whole)}
+    short = replace(first[0], errors=first[0].errors[:SHORT - 1], ok=first[0].ok[:SHORT - 1])
+    return {"rooms": drives, "breaks": breaks_at(result.items, short.good)}

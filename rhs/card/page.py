@@ -5,11 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import yaml
 
+from rhs.metrics.calibration import kidnaps
 from rhs.plots import new_figure
+from rhs.reports.calibration_pictures import draw_knowing
+from rhs.reports.drawing import extent
 from rhs.reports.html import HEAD, TABLE
-from rhs.reports.report import embed_figure
+from rhs.reports.report import embed_figure, template
 
+from . import loop_closers, mappers, planners
 from .card import Card, short, table
 
 if TYPE_CHECKING:
@@ -39,12 +44,9 @@ degradation.</p>{{ table(breaks) }}{% endif %}
 
 def page_of(card: Card) -> str:
     """The page."""
-    import yaml
-    from jinja2 import Environment
-
     content = card.content
     names, rows = table(content)
-    return Environment(autoescape=True).from_string(PAGE).render(
+    return template(PAGE).render(
         title=f"Card of {content['part']}", origin=content["from"], verdict=content["verdict"], contract=content["contract"],
         set_title=content.get("set_title", "On the standard set"), rooms_title=content.get("rooms_title", "Room by room"),
         standard_set=content.get("standard_set", ""), figures={"names": names, "rows": rows},
@@ -86,11 +88,9 @@ def pictures(card: Card) -> list[tuple[str, Figure]]:
 
 
 def _of_planners(card: Card) -> list[tuple[str, Figure]]:
-    from .planners import plain_ones
-
     figure = new_figure(9.0, 3.4)
     left, right = figure.subplots(1, 2)
-    found = {part: plain_ones(result) for part, result in card.results.items()}
+    found = {part: planners.plain_ones(result) for part, result in card.results.items()}
     for axes, values, label in (
             (left, [[one.above_pct for one in each if np.isfinite(one.above_pct)] for each in found.values()],
              "length above the exact shortest path [%]"),
@@ -107,16 +107,13 @@ def _of_planners(card: Card) -> list[tuple[str, Figure]]:
 
 
 def _wrong_answers(faulty: list[Any]) -> Figure:
-    from .planners import asked
-
     figure = new_figure(3.4 * len(faulty), 3.0)
-    known = {one.name: one for one in asked()}
+    known = {one.name: one for one in planners.asked()}
     for number, answer in enumerate(faulty):
         problem, axes = known[answer.name].problem, figure.add_subplot(1, len(faulty), number + 1)
-        rows, columns = problem.blocked.shape
-        (x, y), step = problem.origin_m, problem.resolution_m
-        extent = (x, x + columns * step, y, y + rows * step)
-        axes.imshow(problem.blocked, origin="lower", cmap="Greys", vmax=1.6, extent=extent)
+        (rows, columns), (x, y), step = problem.blocked.shape, problem.origin_m, problem.resolution_m
+        axes.imshow(problem.blocked, origin="lower", cmap="Greys", vmax=1.6,
+                    extent=(x, x + columns * step, y, y + rows * step))
         points = answer.points_m[np.isfinite(answer.points_m).all(axis=1)] if len(answer.points_m) else answer.points_m
         axes.plot(points[:, 0], points[:, 1], color="#c1121f", linewidth=1.2)
         axes.plot(*problem.start_m, "o", color="#2a9d4a", markersize=5)
@@ -127,17 +124,9 @@ def _wrong_answers(faulty: list[Any]) -> Figure:
 
 
 def _of_localisers(card: Card) -> list[tuple[str, Figure]]:
-    from rhs.metrics.calibration import kidnaps
-    from rhs.reports.calibration_pictures import draw_kidnaps, draw_reliability
-
-    figure = new_figure(10.0, 4.2)
-    left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
     patrols = {part: [one.beliefs for one in result.items if one.beliefs is not None]
                for part, result in card.results.items()}
-    draw_kidnaps(left, [each for one in patrols[card.content["part"]] for each in kidnaps(one)])
-    stated = {part: [np.concatenate([getattr(one, name) for one in found]) for name in ("probability", "right")]
-              for part, found in patrols.items() if found}
-    draw_reliability(right, {part: (probability, was_right) for part, (probability, was_right) in stated.items()})
+    figure = draw_knowing([each for one in patrols[card.content["part"]] for each in kidnaps(one)], patrols)
     return [("Carried away; reliability of its stated chances beside ours", figure), *_broken(card)]
 
 
@@ -176,16 +165,12 @@ def _scatter(axes: Axes, drives: list[Any]) -> None:
 
 
 def _of_mappers(card: Card) -> list[tuple[str, Figure]]:
-    from .mappers import shown
-
     drives = card.results[card.content["part"]].items
     figure = new_figure(2.6 * max(len(drives), 1), 2.6)
     for number, one in enumerate(drives):
         axes = figure.add_subplot(1, len(drives), number + 1)
-        (x, y), (rows, columns), side = one.grid.origin_m, one.grid.shape, one.grid.resolution_m
-        axes.imshow(one.grid.probability, origin="lower", cmap="Greys", vmin=0.0, vmax=1.0,
-                    extent=(x, x + columns * side, y, y + rows * side))
-        ends = np.concatenate([view.ends_m for view in shown(one.room)])
+        axes.imshow(one.grid.probability, origin="lower", cmap="Greys", vmin=0.0, vmax=1.0, extent=extent(one.grid))
+        ends = np.concatenate([view.ends_m for view in mappers.shown(one.room)])
         axes.plot(ends[:, 0], ends[:, 1], ",", color="#c1121f", alpha=0.6)
         axes.set_title(one.room, fontsize=8)
         axes.tick_params(labelsize=7)
@@ -193,12 +178,10 @@ def _of_mappers(card: Card) -> list[tuple[str, Figure]]:
 
 
 def _of_loop_closers(card: Card) -> list[tuple[str, Figure]]:
-    from .loop_closers import survey
-
     surveys = card.results[card.content["part"]].items
     figure = new_figure(3.0 * max(len(surveys), 1), 3.2)
     for number, one in enumerate(surveys):
-        axes, (views, truth) = figure.add_subplot(1, len(surveys), number + 1), survey(one.survey)
+        axes, (views, truth) = figure.add_subplot(1, len(surveys), number + 1), loop_closers.survey(one.survey)
         before = np.array([view.map_from_body for view in views])
         for poses, colour, label in ((truth, "#888888", "true"), (before, "#e08a1e", f"before: {one.before_m:.2f} m"),
                                      (one.poses, "#1f6fb4", f"after: {one.after_m:.2f} m, {one.accepted} loops")):

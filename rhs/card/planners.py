@@ -21,9 +21,10 @@ from rhs.api.contracts import Context
 from rhs.api.geometry import camera_from_fov
 from rhs.api.records import FeatureSettings, Path, PlanningProblem, PlanReason, WorldFacts
 from rhs.api.segments import with_exact_ends
-from rhs.metrics.path_judge import path_valid, polyline_length
+from rhs.metrics.path_judge import path_valid, polyline_length, shortest_length_m
 from rhs.metrics.planning import above_optimum_pct
 from rhs.testing.checks import in_words
+from rhs.testing.planners import UNREACHABLE
 from rhs.testing.shared_state import untouched
 
 from .forked import ForkResult
@@ -89,7 +90,7 @@ def answers(settings: Any, todo: list[Question]) -> Iterator[Answer]:
 def ask(settings: Any, question: Question, folder: FilePath, *, seed: int = 0, part: Any = None,
         ) -> tuple[Answer, Path | None]:
     """One question to a new planner, or to `part`."""
-    problem, given = question.problem, copied(question.problem)
+    problem, given = question.problem, copy.deepcopy(question.problem)  # whose arrays can be written to
     faults, said, raised, began = [], None, "", process_time()
     try:
         with untouched():
@@ -102,7 +103,8 @@ def ask(settings: Any, question: Question, folder: FilePath, *, seed: int = 0, p
         raised = in_words(error)
         faults.append("raises" if "read-only" not in str(error) else "writes_to_the_problem")
     cpu_ms = 1e3 * (process_time() - began)
-    if not same_problem(given, problem):
+    if not all(np.array_equal(getattr(given, name), getattr(problem, name), equal_nan=name != "blocked")
+               for name in ("blocked", "start_m", "goal_m")):
         faults.append("writes_to_the_problem")
     path = said if isinstance(said, Path) and isinstance(said.reason, PlanReason) else None
     if said is not None or not faults:
@@ -131,7 +133,7 @@ def faults_of(path: Path, question: Question) -> list[str]:
         if len(points):
             return ["no_path"]
         wrong = np.isfinite(question.optimal_m) and path.reason is not PlanReason.BUDGET_SPENT
-        return ["denies_a_way"] if wrong else ["wrong_reason"] if path.reason not in UNREACHED else []
+        return ["denies_a_way"] if wrong else ["wrong_reason"] if path.reason not in UNREACHABLE else []
     if not len(points):
         return ["no_path"]
     if not np.isfinite(points).all():
@@ -141,9 +143,6 @@ def faults_of(path: Path, question: Question) -> list[str]:
     if not path_valid(points, problem.blocked, problem.resolution_m, problem.origin_m):
         faults.append(way_through(points, problem))
     return faults
-
-
-UNREACHED = (PlanReason.DISCONNECTED, PlanReason.BUDGET_SPENT)
 
 
 def way_through(points: np.ndarray, problem: PlanningProblem) -> str:
@@ -230,7 +229,7 @@ def second_answers(settings: Any, todo: list[Question], folder: FilePath) -> Ite
         second = Question(f"{first.name} after another map", changed, exact_m(changed))
         try:
             part = settings.build(context_of(changed, folder, number))
-            part.plan(copied(first.problem))
+            part.plan(copy.deepcopy(first.problem))
         except Exception:
             continue  # told already
         fresh, _ = ask(settings, second, folder, seed=number)
@@ -241,20 +240,7 @@ def second_answers(settings: Any, todo: list[Question], folder: FilePath) -> Ite
 
 def exact_m(problem: PlanningProblem) -> float:
     """Length of the exact shortest path."""
-    from rhs.metrics.path_judge import shortest_length_m
-
     return shortest_length_m(problem.blocked, problem.resolution_m, problem.origin_m, [problem.start_m, problem.goal_m])
-
-
-def copied(problem: PlanningProblem) -> PlanningProblem:
-    """A copy whose arrays can be written to."""
-    return copy.deepcopy(problem)
-
-
-def same_problem(one: PlanningProblem, other: PlanningProblem) -> bool:
-    """Nothing was written to."""
-    return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=name != "blocked")
-               for name in ("blocked", "start_m", "goal_m"))
 
 
 def context_of(problem: PlanningProblem, folder: FilePath, seed: int) -> Context:

@@ -19,8 +19,8 @@ from rhs.metrics.accuracy import nees_of
 from rhs.metrics.calibration import Beliefs, beliefs_of, searches
 from rhs.metrics.localise import FOUND_WITHIN_M
 from rhs.plots import new_figure
-from rhs.reports.calibration_pictures import SURE, UNSURE, draw_kidnaps, draw_reliability
-from rhs.reports.drawing import COLOURS, draw_grid, grid_of
+from rhs.reports.calibration_pictures import SURE, UNSURE, draw_knowing
+from rhs.reports.drawing import COLOURS, draw_grid
 from rhs.reports.ways import ways
 from rhs.runfolder.row import number_in
 from rhs.runfolder.run import Run, StepLine
@@ -140,13 +140,9 @@ def _of_localisers(part: str, drives: Mapping[str, Sequence[Beliefs]]) -> list[t
     known = {name: [one for one in each if len(one.wrong_m)] for name, each in drives.items()}
     if not any(known.values()):
         return []
-    figure = new_figure(10.0, 4.2)
-    left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
     starts = [each for one in known[part] for each in searches(one, one.kidnapped | one.started, FOUND_WITHIN_M)]
-    draw_kidnaps(left, starts, what="start")
-    draw_reliability(right, {name: (np.concatenate([one.probability for one in each]),
-                                    np.concatenate([one.right for one in each])) for name, each in known.items() if each})
-    return [("What followed each start; reliability of its stated chances beside ours", figure)]
+    return [("What followed each start; reliability of its stated chances beside ours",
+             draw_knowing(starts, known, what="start"))]
 
 
 def beliefs_in_maps(runs: Mapping[str, Sequence[Path]]) -> list[tuple[str, Figure]]:
@@ -166,7 +162,7 @@ def beliefs_in_maps(runs: Mapping[str, Sequence[Path]]) -> list[tuple[str, Figur
 
 
 def _panel(axes: Axes, folder: Path, steps: Sequence[StepLine]) -> None:
-    if (grid := grid_of(folder / "map.yaml")) is not None:
+    if (grid := Run(folder).grid("map")) is not None:
         draw_grid(axes, grid)
     xy_m = np.array([[float(step["x_m"]), float(step["y_m"])] for step in steps])
     sure = np.array([step["belief_status"] == "tracking" for step in steps])

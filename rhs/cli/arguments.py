@@ -74,13 +74,16 @@ def check(chosen: argparse.Namespace, options: Mapping[str, Option]) -> None:
 
 
 @contextmanager
-def going_on(folder: Path) -> Iterator[None]:
-    """Who interrupts a command hears where it is, and how it goes on there."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        sys.stdout.write(f"files: {folder}; the same command with output={folder} goes on\n")
-        raise
+def going_on(output: str) -> Iterator[Path]:
+    """The folder of a command's runs, claimed. Who interrupts it hears where it is, and how it goes on there."""
+    from rhs.runfolder.folders import claim_sweep
+
+    with claim_sweep(output) as claim:
+        try:
+            yield claim.folder
+        except KeyboardInterrupt:
+            sys.stdout.write(f"files: {claim.folder}; the same command with output={claim.folder} goes on\n")
+            raise
 
 
 def limits(chosen: argparse.Namespace) -> Limits:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from rhs.base.errors import ConfigError
 
 from .arguments import JOBS, TIMEOUT, Number, going_on, limits, parse
+from .say import of_searches
 
 if TYPE_CHECKING:
     from rhs.sweeps.atlas import Atlas
@@ -32,7 +33,6 @@ HOME = Path("results") / "sweeps"
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps.atlas import read_atlas
 
     chosen = parse("atlas", __doc__, words, runs=Number(0, low=0, high=10_000), jobs=JOBS, timeout=TIMEOUT)
@@ -41,9 +41,9 @@ def main(words: Sequence[str]) -> int:
     file = Path(chosen.words[0])
     atlas = read_atlas(file, chosen.runs)
     within = limits(chosen)
-    with claim_sweep(chosen.output or str(HOME / f"atlas_{file.stem}")) as claim, going_on(claim.folder):
-        _searched(atlas, claim.folder, within)
-        sys.stdout.write(f"files: {claim.folder}\n")
+    with going_on(chosen.output or str(HOME / f"atlas_{file.stem}")) as folder:
+        _searched(atlas, folder, within)
+        sys.stdout.write(f"files: {folder}\n")
     return 0
 
 
@@ -70,6 +70,4 @@ def _publish(atlas: Atlas, folder: Path) -> None:
         return
     write_texts(folder, {"atlas.json": json.dumps(results, indent=1) + "\n", "atlas.csv": csv_of(results)})
     atlas_picture(results, folder / "atlas.png")
-    width = max(len(one["combination"]) for one in results)
-    for one in results:
-        sys.stdout.write(f"{one['combination']:<{width}}  {one['dial']}: {one['says']}  ({one['runs']} runs)\n")
+    sys.stdout.write(of_searches(results, [f"{one['runs']} runs" for one in results]))

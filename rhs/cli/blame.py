@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rhs.base.errors import ConfigError
-from rhs.config.compose import TASK, RunConfig
-from rhs.config.overlay import overlaid
+from rhs.config.compose import TASK, RunConfig, overlaid
 from rhs.sweeps.runs import values_of
 
 from .one_run import one_run

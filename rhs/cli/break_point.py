@@ -22,23 +22,20 @@ from pathlib import Path
 from typing import Any
 
 from .arguments import JOBS, TIMEOUT, Number, going_on, limits, parse
+from .say import of_searches
 
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps import break_point
 
     chosen = parse("break", __doc__, words, runs=Number(40, low=4, high=10_000), jobs=JOBS, timeout=TIMEOUT)
     plan = break_point.plan(chosen.typed)
     within = limits(chosen)
-    with claim_sweep(plan.output) as claim, going_on(claim.folder):
-        accounts = _searched(plan, claim.folder, within, chosen.runs)
-        _publish(accounts, plan.dial, claim.folder)
-        width = max(len(account["combination"]) for account in accounts)
-        for account in accounts:
-            sys.stdout.write(f"{account['combination']:<{width}}  {plan.dial.key}: {account['says']}  ({count(account)})\n")
-        sys.stdout.write(f"files: {claim.folder}\n")
+    with going_on(plan.output) as folder:
+        accounts = _searched(plan, folder, within, chosen.runs)
+        _publish(accounts, plan.dial, folder)
+        sys.stdout.write(f"{of_searches(accounts, list(map(count, accounts)))}files: {folder}\n")
     return 0
 
 

@@ -23,10 +23,10 @@ def main(words: Sequence[str]) -> int:
         raise ConfigError(f"cache {' '.join(words)}: expected nothing more, or clear{nearest(words[0], ['clear'])}")
     most_mb = survey_cache.most_mb()
     if words:
-        gone = survey_cache.clear()
-        sys.stdout.write(f"{gone.count} surveys deleted, {gone.size_mb:.0f} MB, from {survey_cache.cache_folder()}\n")
+        count, size_mb = survey_cache.clear()
+        sys.stdout.write(f"{count} surveys deleted, {size_mb:.0f} MB, from {survey_cache.cache_folder()}\n")
         return 0
-    there = survey_cache.kept()
-    sys.stdout.write(f"{there.count} surveys, {there.size_mb:.0f} of {most_mb:.0f} MB, in {survey_cache.cache_folder()}; "
+    count, size_mb = survey_cache.kept()
+    sys.stdout.write(f"{count} surveys, {size_mb:.0f} of {most_mb:.0f} MB, in {survey_cache.cache_folder()}; "
                      "python -m rhs cache clear deletes them\n")
     return 0

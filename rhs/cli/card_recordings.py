@@ -8,8 +8,9 @@ from typing import Any
 
 from rhs.base.errors import ConfigError, PluginError
 from rhs.card import recordings
-from rhs.card.card import Card, about, of_contract, without_nan
+from rhs.card.card import Card, about, of_contract
 from rhs.config import registry
+from rhs.reports.export import without_nan
 from rhs.sweeps.job import Job, Limits
 from rhs.sweeps.jobs import processors
 from rhs.sweeps.kept import kept_rows

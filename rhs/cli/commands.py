@@ -111,10 +111,12 @@ def show_help(words: Sequence[str]) -> int:
             sys.stdout.write(f"  python -m rhs {name:<12} {meaning}\n")
         sys.stdout.write("  python -m rhs --help       options of a run, parts to choose from\n")
         return 0
-    if topic == "kinds":
-        return _kinds()
     from rhs.config import registry
 
+    if topic == "kinds":
+        for kind in PLUGIN_KINDS:
+            sys.stdout.write(f"  {kind:<12}{', '.join(registry.names(kind)) or 'none registered'}\n")
+        return 0
     from .help_text import KINDS, help_text, settings_text
 
     parts = [f"{kind}={topic}" for kind in KINDS if topic in registry.names(kind)]
@@ -136,12 +138,4 @@ def show_help(words: Sequence[str]) -> int:
             section = title
         for number, line in enumerate(textwrap.wrap(meaning, 82) or [""]):
             sys.stdout.write(f"  {name if number == 0 else '':<32} {line}\n")
-    return 0
-
-
-def _kinds() -> int:
-    from rhs.config import registry
-
-    for kind in PLUGIN_KINDS:
-        sys.stdout.write(f"  {kind:<12}{', '.join(registry.names(kind)) or 'none registered'}\n")
     return 0

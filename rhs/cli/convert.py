@@ -12,7 +12,6 @@ Exit code 0: all converted; 1: not readable; 2: refused; 3: converted what was w
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import os
 import sys
 from collections.abc import Sequence
@@ -25,21 +24,10 @@ from rhs.recording.mcap_scan import Report
 TRAJECTORY = (".tum", ".txt")
 
 
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What was written, in words, and the scan of the input where there was one."""
-
-    written: str
-    report: Report | None = None
-
-    @property
-    def lossless(self) -> bool:
-        return self.report is None or self.report.whole
-
-
 def convert(source: Path, target: Path, *, topic: str = "/belief", settings: Sequence[str] = (),
-            force: bool = False) -> Outcome:
-    """Convert by the kinds of the two paths. settings: `key=value` of source=replay, for instance camera=tum_fr1.
+            force: bool = False) -> tuple[str, Report | None]:
+    """Convert by the kinds of the two paths; what was written, in words, and the scan of the input where there was one.
+    settings: `key=value` of source=replay, for instance camera=tum_fr1.
 
     Raises ConfigError for a refused pair, RecordingError for an unreadable input. The target appears only when whole.
     """
@@ -52,17 +40,17 @@ def convert(source: Path, target: Path, *, topic: str = "/belief", settings: Seq
     kinds = kind_of(source), kind_of(target)
     if kinds == ("mcap", "mcap"):
         report, count = recover.recover(source, target)
-        return Outcome(f"{count} messages", report)
+        return f"{count} messages", report
     if kinds == ("mcap", "folder"):
         report, count = convert_tum.to_folder(source, target)
-        return Outcome(f"{count} views; depth rounded to 0.2 mm", report)
+        return f"{count} views; depth rounded to 0.2 mm", report
     if kinds == ("mcap", "trajectory"):
         report, count = convert_tum.to_trajectory(source, target, topic)
-        return Outcome(f"{count} poses of {topic}", report)
+        return f"{count} poses of {topic}", report
     if kinds == ("trajectory", "mcap"):
-        return Outcome(f"{convert_tum.from_trajectory(source, target)} poses")
+        return f"{convert_tum.from_trajectory(source, target)} poses", None
     if kinds[1] == "mcap":
-        return Outcome(f"{convert_tum.from_recording(source, target, settings)} views")
+        return f"{convert_tum.from_recording(source, target, settings)} views", None
     raise ConfigError(f"{source} -> {target}: expected .mcap, .tum or a folder on both sides and .mcap on one; "
                       f"type python -m rhs.convert --help")
 
@@ -106,8 +94,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _convert(chosen: argparse.Namespace) -> int:
-    done = convert(chosen.input, chosen.output, topic=chosen.topic, settings=chosen.settings, force=chosen.force)
-    sys.stdout.write(f"{chosen.output}: {done.written}\n")
-    if not done.lossless and done.report is not None:
-        sys.stderr.write(f"{done.report.line}\n")
-    return 0 if done.lossless else 3
+    written, report = convert(chosen.input, chosen.output, topic=chosen.topic, settings=chosen.settings, force=chosen.force)
+    sys.stdout.write(f"{chosen.output}: {written}\n")
+    if report is None or report.whole:
+        return 0
+    sys.stderr.write(f"{report.line}\n")
+    return 3

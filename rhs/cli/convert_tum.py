@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rhs.api.contracts import SourceContext
 from rhs.api.files import write_whole
 from rhs.api.geometry import rotation_of_quaternion, se3
 from rhs.api.records import Capture
@@ -96,17 +97,14 @@ def to_trajectory(source: Path, target: Path, topic: str) -> tuple[Report, int]:
         if message.channel.topic == topic and kind in POSE_TOPICS:
             decoded = ros.deserialize(message.data, kind)
             stamps.append(decoded.header.stamp.sec + decoded.header.stamp.nanosec / 10**9)
-            poses.append(_matrix(decoded.pose.pose if hasattr(decoded.pose, "pose") else decoded.pose))
+            pose = decoded.pose.pose if hasattr(decoded.pose, "pose") else decoded.pose
+            p, q = pose.position, pose.orientation
+            poses.append(se3(rotation_of_quaternion(np.array([q.x, q.y, q.z, q.w])), np.array([p.x, p.y, p.z])))
     if not poses:
         known = f"poses are on {', '.join(sorted(seen))}" if seen else "no topic holds poses"
         raise ConfigError(f"{source} has no poses on {topic}; {known}; type --topic TOPIC")
     write_tum(target, Trajectory(np.array(stamps), np.array(poses)))
     return reading.report, len(poses)
-
-
-def _matrix(pose: Any) -> np.ndarray:
-    p, q = pose.position, pose.orientation
-    return se3(rotation_of_quaternion(np.array([q.x, q.y, q.z, q.w])), np.array([p.x, p.y, p.z]))
 
 
 def from_trajectory(source: Path, target: Path) -> int:
@@ -153,7 +151,6 @@ def _replay(source: Path, settings: Sequence[str]) -> Any:
     """The replay source on a path, by its registered name, with settings from the command line."""
     import yaml
 
-    from rhs.api.contracts import SourceContext
     from rhs.config.registry import load
 
     chosen: dict[str, Any] = {"path": str(source)}

@@ -49,15 +49,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--alignment", default="se3", help=f"{', '.join(ALIGNMENTS)} (default se3)")
     parser.add_argument("--relations", type=Path, help="stamp1 stamp2 x y z roll pitch yaw of pairs of scans, on each line")
     parser.add_argument("--tolerance", type=float, default=TOLERANCE_S, help="between stamps, seconds (default 0.02)")
-    return answered(lambda: _refusing(parser.parse_args(arguments)))
 
+    def work() -> int:
+        try:
+            return _print(parser.parse_args(arguments))
+        except RecordingError as error:  # refused, as anywhere before something runs
+            raise ConfigError(str(error)) from error
 
-def _refusing(chosen: argparse.Namespace) -> int:
-    """As `_print`; a file that cannot be read is refused, as anywhere before something runs."""
-    try:
-        return _print(chosen)
-    except RecordingError as error:
-        raise ConfigError(str(error)) from error
+    return answered(work)
 
 
 def _print(chosen: argparse.Namespace) -> int:

@@ -23,18 +23,24 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
+from rhs.config.compose import config_hash, identity, overlaid
+from rhs.config.dictionary import columns
+from rhs.config.overrides import Word
+from rhs.reports.gate import LOST, Verdict, error_parts, judge, looks
+from rhs.reports.observations import of_successes
+from rhs.runfolder.row import number_in
+from rhs.sweeps.jobs import Job, Limits
+from rhs.sweeps.kept import broken_off, kept_rows
+from rhs.sweeps.runs import rows_of, values_of
+from rhs.sweeps.sweep import job_of
 
 from .arguments import JOBS, Number, going_on, limits, parse
+from .progress import running
 from .say import of_drawn
 from .verify import made_otherwise
-
-if TYPE_CHECKING:
-    from rhs.reports.gate import Verdict
-    from rhs.sweeps.jobs import Job, Limits
 
 OLD = ("ok", "failed", "timeout", "killed")  # how a run of the baseline may have ended: not by somebody's hand
 MEASURES = {"planning": "plan_length_m"}  # of the others: ate_rmse_m
@@ -44,10 +50,6 @@ Row = Mapping[str, object]
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    from rhs.config.dictionary import columns
-    from rhs.reports.gate import LOST
-    from rhs.runfolder.folders import claim_sweep
-
     chosen = parse("gate", __doc__, words, measure="", margin=Number(0.02, low=0.0, high=1.0),
                    lost=Number(LOST, low=0.0, high=1.0), pairs=Number(20, low=4, high=100_000), jobs=JOBS)
     change = [word for word in chosen.words if "=" in word]
@@ -61,23 +63,17 @@ def main(words: Sequence[str]) -> int:
     column = columns().get(measure)
     more_is_better = column is not None and column.more_is_better
     within = limits(chosen)
-    with claim_sweep(chosen.output) as claim, going_on(claim.folder):
-        found, notes = _compared(pairs, claim.folder, within, measure, chosen.margin, chosen.lost, more_is_better)
+    with going_on(chosen.output) as folder:
+        found, notes = _compared(pairs, folder, within, measure, chosen.margin, chosen.lost, more_is_better)
         content = {"measure": measure, "margin": chosen.margin, "lost_margin": chosen.lost, **asdict(found)}
-        (claim.folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
+        (folder / "gate.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
         told = f"{measure} (more is better)" if more_is_better else measure
-        sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *notes, f"files: {claim.folder}", ""]))
+        sys.stdout.write("\n".join([in_words(found, told, chosen.margin), *notes, f"files: {folder}", ""]))
     return found.exit_code
 
 
 def _pairs(folder: Path, change: Sequence[str], most: int) -> list[tuple[Row, Job]]:
     """(old row, new job) for the runs of the folder, all composed before any runs. Raises ConfigError."""
-    from rhs.config.compose import config_hash, identity
-    from rhs.config.overlay import overlaid
-    from rhs.config.overrides import Word
-    from rhs.sweeps.runs import rows_of, values_of
-    from rhs.sweeps.sweep import job_of
-
     if asked := [word for word in change if word.partition("=")[0] in QUESTION]:
         raise ConfigError(f"gate: {asked[0]} is another question, not a change of how it is answered; gate a folder of that")
     rows = rows_of([folder])
@@ -113,11 +109,6 @@ def _check_measure(measure: str, old: Sequence[Row], folder: str) -> None:
 def _compared(pairs: Sequence[tuple[Row, Job]], folder: Path, limits: Limits, measure: str,
               margin: float, lost_margin: float, more_is_better: bool = False) -> tuple[Verdict, list[str]]:
     """Run new jobs until a look settles it, or there are no more; and what is to be said of them."""
-    from rhs.reports.gate import error_parts, judge, looks
-    from rhs.sweeps.kept import broken_off, kept_rows
-
-    from .progress import running
-
     planned, done = looks(len(pairs)), 0
     new: list[Row] = []
     with running(len(pairs), unit="pair") as tell:
@@ -144,9 +135,6 @@ def rank(row: Row) -> int:
 
 def measured(row: Row, measure: str) -> float:
     """The measure of a run; NaN where it broke off, and went a shorter way, and where it is that of successes alone."""
-    from rhs.reports.observations import of_successes
-    from rhs.runfolder.row import number_in
-
     counts = rank(row) and (row.get("success") != 0.0 or not of_successes(measure))
     return number_in(row, measure) if counts else math.nan
 

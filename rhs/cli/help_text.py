@@ -67,8 +67,10 @@ def help_text(words: Sequence[str] = ()) -> str:
         return "\n".join("\n".join(_plugin(kind, name, is_default=False, full=True)) for kind, name in wanted)
     chosen = _chosen()
     parts = [line for kind in KINDS for line in _entry(f"  {kind}", _names(kind, chosen.get(kind)), indent=16)]
+    pages = [line for group in ("experiment", "stack") for path in sorted((data_dir("conf") / group).glob("*.yaml"))
+             for line in _entry(f"  {group}={path.stem}", _first_comment(path))]
     return "\n".join([TOP, "Parts, the default first (another sensor brings odometry, mapper and localiser that suit it)",
-                      *parts, "", "Settings of a run", *_core_settings(), "", "Experiments and stacks", *_folder_lines()])
+                      *parts, "", "Settings of a run", *_core_settings(), "", "Experiments and stacks", *pages])
 
 
 def settings_text(kinds: Sequence[str] = KINDS) -> str:
@@ -97,12 +99,6 @@ def _entries(page: str) -> dict[str, str]:
     """What a page of conf/ chooses, by kind."""
     entries = load_yaml(data_dir("conf") / page).get("defaults", [])
     return {key.lstrip("/"): str(value) for entry in entries if isinstance(entry, dict) for key, value in entry.items()}
-
-
-def _folder_lines() -> Iterator[str]:
-    for group in ("experiment", "stack"):
-        for path in sorted((data_dir("conf") / group).glob("*.yaml")):
-            yield from _entry(f"  {group}={path.stem}", _first_comment(path))
 
 
 def _first_comment(path: Path) -> str:

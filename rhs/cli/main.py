@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 
-from rhs.base.processes import raises, steady
+from rhs.base.processes import adopt_orphans, allow_helpers, kill_strays, raises, steady
 
 os.environ |= steady()  # before numpy is imported
 
@@ -72,8 +72,6 @@ def _asked(words: list[str]) -> int:
 
 def entry() -> int:
     """The console script `rhs`. What a part started ends with it: processes, and threads that would be waited for."""
-    from rhs.base.processes import adopt_orphans, allow_helpers, kill_strays
-
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # while this was loaded
         signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.set_threshold(COLLECT_AFTER)

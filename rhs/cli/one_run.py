@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rhs.base.commands import LONGEST, complain, plain, shortened, signal_code
 from rhs.base.processes import kill_strays, resident_bytes
+from rhs.base.system import processors
 
 from . import first_run
 from .streams import streams_kept
@@ -91,7 +92,6 @@ class RunLimits:
 def one_run(config: RunConfig, debug: bool, timeout_s: float = 0.0, memory_mb: float = 0.0) -> int:
     """Run it under a progress bar, say what came of it; the exit code. timeout_s, memory_mb: 0 for no limit."""
     from rhs.api.jit import on_compile
-    from rhs.base.system import processors
     from rhs.metrics.evaluate import folder_fault
     from rhs.metrics.truth_clock import clock_fault
     from rhs.patrol.observers import bar
@@ -119,7 +119,8 @@ def one_run(config: RunConfig, debug: bool, timeout_s: float = 0.0, memory_mb: f
         return 3
     if status == "ok" and row.get("success") == 0:
         why = plain(str(row.get("plan_failure") or row.get("failure", "")))
-        print(f"rhs: not achieved: {why}{_check_hint(row)}", file=sys.stderr)
+        hint = "; does your part keep its contract? python -m rhs check [--plugin FILE] KIND=NAME"
+        print(f"rhs: not achieved: {why}{hint if row.get('plugins') else ''}", file=sys.stderr)
         return 3
     failures = [str(row[name]) for name in ("row_failures", "metric_failures", "picture_failures") if row.get(name)]
     if status == "ok" and (failed := "; ".join(failures)):
@@ -130,11 +131,6 @@ def one_run(config: RunConfig, debug: bool, timeout_s: float = 0.0, memory_mb: f
     code = 1 if cause is None or status != "interrupted" else signal_code(cause)
     reason = str(row.get("reason", ""))
     return complain(reason if reason.startswith(str(status)) else f"{status}: {reason}", code, cause, debug=debug)
-
-
-def _check_hint(row: dict[str, Any]) -> str:
-    """What to type where parts took part that are not rhs's own; empty where none did."""
-    return "; does your part keep its contract? python -m rhs check [--plugin FILE] KIND=NAME" if row.get("plugins") else ""
 
 
 def _compiling(beside: bool) -> None:

@@ -10,9 +10,10 @@ Exit code 0; 2 refused; 3 when something could not be recovered.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,19 +62,12 @@ def _steps(folder: Path) -> tuple[int, str]:
     if not (folder / "run.mcap").exists():
         return 0, "nothing"
     table, count = StepTable(folder), 0
-    for step in _recorded_steps(folder / "run.mcap"):
-        table.add_row(*_row_of(step))
-        count += 1
+    for message in read(folder / "run.mcap"):
+        if message.channel.topic == STEP:
+            table.add_row(*_row_of(json.loads(ros.deserialize(message.data, "std_msgs/msg/String").data)))
+            count += 1
     table.close()
     return count, "run.mcap"
-
-
-def _recorded_steps(path: Path) -> Iterator[dict[str, Any]]:
-    import json
-
-    for message in read(path):
-        if message.channel.topic == STEP:
-            yield json.loads(ros.deserialize(message.data, "std_msgs/msg/String").data)
 
 
 def _row_of(step: dict[str, Any]) -> tuple[dict[str, object], dict[str, str]]:

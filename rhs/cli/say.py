@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +49,8 @@ def of_sweep(folder: Path) -> str:
     """The summary of a sweep's rows; the whole table and, where planners ran alone, theirs are written in the folder."""
     from rhs.reports.export import write_text
     from rhs.reports.planning_table import planning_rows, planning_table, publish
-    from rhs.reports.summary import as_text, summarise
+    from rhs.reports.summary import as_text, summarise, thresholds
     from rhs.reports.table import rows, to_csv
-    from rhs.reports.thresholds import thresholds
 
     unreadable: list[str] = []
     table = rows([folder], unreadable=unreadable)
@@ -89,6 +88,13 @@ def of_blame(row: dict[str, Any]) -> str:
     if measure and isinstance(off_by, float) and off_by > 0.0:
         lines.append(f"({MEASURES[measure][1]}: each may be off by {off_by:.2g})")
     return "\n".join([*lines, str(row["blame"])])
+
+
+def of_searches(accounts: Sequence[Mapping[str, Any]], counts: Sequence[str]) -> str:
+    """A line for each search of a break point. counts: of the runs of each, in words."""
+    width = max(len(one["combination"]) for one in accounts)
+    return "".join(f"{one['combination']:<{width}}  {one['dial']}: {one['says']}  ({count})\n"
+                   for one, count in zip(accounts, counts, strict=True))
 
 
 def of_places(folder: Path) -> str:

@@ -39,7 +39,6 @@ COLUMNS = ("setting", "default", "value", "change_pct", "low_pct", "high_pct", "
 
 def main(words: Sequence[str]) -> int:
     """The command."""
-    from rhs.runfolder.folders import claim_sweep
     from rhs.sweeps.kept import broken_off, kept_rows
     from rhs.sweeps.sensitivity import ask, check_recorded, effects, frozen, in_words, recording
 
@@ -49,17 +48,16 @@ def main(words: Sequence[str]) -> int:
     recordings = [*map(recording, chosen.recording), *(frozen(Path(chosen.data), chosen.words) if chosen.data else ())]
     asked = ask(chosen.words, only=[key for key in chosen.only.split(",") if key], recordings=recordings)
     within = limits(chosen)
-    folder = chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")
-    with claim_sweep(folder) as claim, going_on(claim.folder):
+    with going_on(chosen.output or str(HOME / f"sensitivity_{asked.part.replace('=', '_')}")) as folder:
         if asked.recorded:
-            check_recorded(kept_rows(asked.recorded, claim.folder, within, tell=lambda job, status: None, keep="none"))
+            check_recorded(kept_rows(asked.recorded, folder, within, tell=lambda job, status: None, keep="none"))
         with running(len(asked.jobs)) as tell:
-            rows = kept_rows(asked.jobs, claim.folder, within, tell=tell, keep="none")
+            rows = kept_rows(asked.jobs, folder, within, tell=tell, keep="none")
         found = effects(asked, rows)
-        _publish(asked, found, claim.folder)
+        _publish(asked, found, folder)
         as_it_is = broken_off(rows[:len(asked.pairs)])
         said = [*in_words(found, asked), *([f"runs as it is: {as_it_is}"] if as_it_is else [])]
-        sys.stdout.write("\n".join([*table(found), "", *said, f"files: {claim.folder}", ""]))
+        sys.stdout.write("\n".join([*table(found), "", *said, f"files: {folder}", ""]))
     return 3 if as_it_is else 0
 
 
@@ -77,14 +75,14 @@ def table(found: Sequence[Effect]) -> list[str]:
 
 def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
     """sensitivity.csv, sensitivity.json, sensitivity.png."""
-    from rhs.reports.export import write_texts
+    from rhs.reports.export import without_nan, write_texts
     from rhs.reports.sensitivity_picture import sensitivity_picture
     from rhs.sweeps.sensitivity import LACKS
 
     changes: list[dict[str, Any]] = [
         {"key": one.of.key, "default": one.of.before, "value": one.of.value, "factor": one.of.factor,
-         "change": _known(one.change), "low": _known(one.low), "high": _known(one.high), "pairs": one.pairs,
-         "lost": one.lost, "won": one.won, "same": one.same, "says": one.says} for one in found]
+         **without_nan({"change": one.change, "low": one.low, "high": one.high}), "pairs": one.pairs, "lost": one.lost,
+         "won": one.won, "same": one.same, "says": one.says} for one in found]
     content = {"part": asked.part, "measure": asked.measure, "worlds": [world for world, _ in asked.pairs],
                "effects": changes, "left_out": dict(asked.left_out)}
     lines = [",".join(row) for row in [list(COLUMNS), *map(cells, found)]]
@@ -94,7 +92,3 @@ def _publish(asked: Question, found: Sequence[Effect], folder: Path) -> None:
     measure = f"what {asked.measure} lacks of 1" if asked.measure in LACKS else asked.measure
     title = f"{asked.part}: {measure}, new over old, {len(asked.pairs)} pairs (less is better)"
     sensitivity_picture(moved or changes, title, folder / "sensitivity.png")
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value

@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,30 +28,29 @@ Table = tuple[list[dict[str, str]], dict[str, dict[str, Any]]]  # rows, and how 
 
 def main(chosen: argparse.Namespace, words: Sequence[str]) -> int:
     """The command. Exit code 0; 3 when a run of it left no row."""
-    from rhs.runfolder.folders import claim_sweep
-    from rhs.sweeps.suite import SUITES
+    from rhs.sweeps.suite import SUITES, jobs_of
 
     suite = _frozen(SUITES[chosen.set])
     combinations, mine = _combinations(suite, chosen)
     suite, note = _part(suite, chosen)
-    folder = chosen.output or str(RUNS / "_".join([suite.name, *["mine"] * bool(mine), *["quick"] * chosen.quick]))
+    output = chosen.output or str(RUNS / "_".join([suite.name, *["mine"] * bool(mine), *["quick"] * chosen.quick]))
     data = _data(suite, chosen, combinations)
-    jobs = {name: _jobs(typed, suite, data) for name, typed in combinations.items()}
+    jobs = {name: jobs_of(typed, suite.asked(typed), data) for name, typed in combinations.items()}
     combinations = {name: typed for name, typed in combinations.items() if jobs[name]}
-    with claim_sweep(folder) as claim, going_on(claim.folder):
+    with going_on(output) as folder:
         limits = limits_of(chosen)
-        rows, made = _made(suite, combinations, jobs, folder=claim.folder, limits=limits)
+        rows, made = _made(suite, combinations, jobs, folder=folder, limits=limits)
         for name, record in made.items():
             record |= {"words": combinations[name], "command": shown(words)}
         whole = not (mine or chosen.quick or chosen.held_out)
         table = (rows, made) if whole and not _kept(suite) else _beside(suite, rows, made)
-        folders = [claim.folder, *([HOME] if whole and not chosen.output else [])]
+        folders = [folder, *([HOME] if whole and not chosen.output else [])]
         text = _published(suite, table, folders, note, mine)
         if not suite.recorded:
             text += "\n" + _more(suite, combinations, jobs, folders=folders, limits=limits, blame=chosen.blame)
         if chosen.entry:
-            _entry(jobs, claim.folder, Path(chosen.entry))
-    sys.stdout.write(f"{text}\nfiles: {claim.folder}\n")
+            _entry(jobs, folder, Path(chosen.entry))
+    sys.stdout.write(f"{text}\nfiles: {folder}\n")
     return 0 if all(row["status"] not in ("missing", "killed", "timeout") for row in rows) else 3
 
 
@@ -84,9 +84,7 @@ def _combinations(suite: Suite, chosen: argparse.Namespace) -> tuple[dict[str, s
 
 def _part(suite: Suite, chosen: argparse.Namespace) -> tuple[Suite, str]:
     """The suite, or the part of it that was asked for, or its held-out buildings; a note for the page."""
-    from dataclasses import replace
-
-    from rhs.sweeps.held_out import revealed
+    from rhs.sweeps.suite import revealed
 
     if chosen.held_out:
         return replace(suite, buildings=revealed(suite.name, Path(chosen.held_out))), "Held-out buildings, now revealed."
@@ -115,12 +113,6 @@ def _data(suite: Suite, chosen: argparse.Namespace, combinations: Mapping[str, s
     data = Path(chosen.data or os.environ.get("RHS_DATA", "data"))
     check_data(data, list(dict.fromkeys(name for words in combinations.values() for name, _ in suite.asked(words))))
     return data
-
-
-def _jobs(words: str, suite: Suite, data: Path | None) -> list[Job]:
-    from rhs.sweeps.suite import jobs_of
-
-    return jobs_of(words, suite.asked(words), data)
 
 
 def _made(suite: Suite, combinations: Mapping[str, str], jobs: Mapping[str, Sequence[Job]], *, folder: Path,

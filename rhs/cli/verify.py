@@ -22,6 +22,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from rhs.base.commands import answered, plain
 from rhs.base.errors import ConfigError, PluginError
 from rhs.base.strict_yaml import load_yaml
@@ -108,8 +110,6 @@ def _verify(chosen: argparse.Namespace) -> int:
 def _drawn(folders: list[Path], chosen: argparse.Namespace) -> list[Path]:
     if not chosen.sample or chosen.sample >= len(folders):
         return folders
-    import numpy as np
-
     picked = np.random.default_rng(chosen.seed).choice(len(folders), chosen.sample, replace=False)
     return [folders[k] for k in sorted(picked)]
 

@@ -33,7 +33,8 @@ def main(words: Sequence[str]) -> int:
         from rhs.reports.world_pictures import write_pictures
 
         write_pictures(worlds, Path(chosen.pictures))
-    sys.stdout.write("\n".join([*listed(worlds), *(_of_family(family) for family in families), ""]))
+    drawn = [f"{PREFIX + family:<22} {'drawn':>11} {'3 to 6':>6} {'':>8}  {FAMILIES[family]}" for family in families]
+    sys.stdout.write("\n".join([*listed(worlds), *drawn, ""]))
     if chosen.pictures:
         sys.stdout.write(f"files: {chosen.pictures}\n")
     return 0
@@ -65,7 +66,3 @@ def _said(name: str) -> str:
         return ""
     first = path.read_text("utf-8-sig").split("\n", 1)[0]
     return first.lstrip("# ").strip() if first.startswith("#") else ""
-
-
-def _of_family(family: str) -> str:
-    return f"{PREFIX + family:<22} {'drawn':>11} {'3 to 6':>6} {'':>8}  {FAMILIES[family]}"

@@ -18,17 +18,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from rhs.api import settings
 from rhs.api.contracts import DEGRADE, KINDS, REPLACED_BY_SLAM, SLAM
 from rhs.api.errors import Bounded, ConfigError, PluginError, one_of, within
 from rhs.api.files import replacing
-from rhs.api.floorplan import World
 from rhs.api.records import FeatureSettings
-from rhs.api.task import Parts
 from rhs.base.strict_yaml import load_yaml
 
 from . import registry
-from .parts import Chosen, build, check_combination
+from .parts import Chosen, check_combination
 
 TASK = "task"
 # What is kept and how many processes work: no number depends on these.
@@ -205,11 +205,6 @@ def from_plain(values: dict[str, Any]) -> RunConfig:
     return config
 
 
-def build_parts(config: RunConfig, world: World | None, folder: Path) -> Parts:
-    """The parts of a configuration, each with its own generator; nothing has moved yet. world: None for a recording."""
-    return build(config.parts, seed=config.seed, world=world, folder=folder, features=config.features)
-
-
 def _task(values: dict[str, Any]) -> Any:
     """The settings dataclass of the task that plain values name."""
     name = values.get(TASK)
@@ -270,8 +265,6 @@ def to_plain(config: RunConfig) -> dict[str, Any]:
 
 def write_config(config: RunConfig, folder: Path) -> None:
     """config.yaml: the resolved configuration, which `from_plain` reads back."""
-    import yaml
-
     with replacing(folder / "config.yaml") as file:
         yaml.dump(to_plain(config), file, getattr(yaml, "CSafeDumper", yaml.SafeDumper), sort_keys=False, allow_unicode=True)
 
@@ -292,6 +285,22 @@ def read_values(folder: Path) -> dict[str, Any]:
         if isinstance(node, dict) and node.get(last) == text:
             node[last] = now.partition("=")[2]
     return values
+
+
+def overlaid(values: dict[str, Any], words: Sequence[str]) -> RunConfig:
+    """The checked configuration of plain values (a config.yaml read back) after `key=value` words; `kind=name` takes that
+    part with its defaults. Raises ConfigError."""
+    from .overrides import parse, plain_words
+
+    laid = dict(values)
+    for word in plain_words(parse(list(words))):
+        *above, last = word.key.split(".")
+        node = laid
+        for key in above:
+            node[key] = dict(node.get(key) or {})
+            node = node[key]
+        node[last] = {"name": word.value} if word.is_group and word.key != "task" else word.value
+    return from_plain(laid)
 
 
 def config_hash(config: RunConfig) -> str:

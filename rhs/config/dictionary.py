@@ -72,10 +72,7 @@ RUN = _rows(
            "picture_failures"),
     counts=("seed", "stamps_repaired", "views_lost"), more_is_better=("success", "real_time_factor"),
 )
-LAST = ("commit", "versions", "renderer", "scale_from", "lost", "stamps_repaired", "views", "views_lost", "row_failures",
-        "metric_failures", "picture_failures", "wall_ms", "real_time_factor", "peak_memory_mb")
-RUN_FIRST = tuple(column for column in RUN if column.name not in LAST)
-RUN_LAST = tuple(column for column in RUN if column.name in LAST)
+BEFORE = [column.name for column in RUN].index("commit")  # so many stand before the metrics of a row, the others after
 TASKS = _rows(
     "rhs_tasks",
     ("plan_learn_ms", "ms", "task=planning: of that, what the same question took less the second time: learning"),
@@ -203,7 +200,7 @@ def _columns(groups: tuple[str, ...], changes: int) -> tuple[dict[str, Column], 
     is registered again under its name."""
     found = [Column(m.name, m.unit, m.meaning, m.source, "word" if m.word else "count" if m.count else "number",
                     m.more_is_better) for m in metrics()]
-    known = {column.name: column for column in reversed([*RUN_FIRST, *found, *TASKS, *RUN_LAST])}
+    known = {column.name: column for column in reversed([*RUN[:BEFORE], *found, *TASKS, *RUN[BEFORE:]])}
     ordered = dict(reversed(known.items()))
     return ordered, {name: place for place, name in enumerate(ordered)}
 

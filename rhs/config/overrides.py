@@ -24,6 +24,7 @@ from rhs.api.contracts import CHOICES, DEGRADE, KINDS
 from rhs.api.settings import nearest
 from rhs.base.errors import ConfigError
 
+from . import registry
 from .registry import JOINED, OF_SWEEP, elsewhere, in_files, names_in
 
 GROUPS = (*CHOICES, "stack", "experiment")
@@ -100,8 +101,6 @@ class _Names:
     """What Hydra's grammar asks when it meets glob(...): the options of a group. Only parts can be enumerated."""
 
     def get_group_options(self, group: str, results_filter: object = None) -> list[str]:
-        from . import registry
-
         if group not in CHOICES:
             raise ConfigError(f"{group}=glob(...): only {', '.join(CHOICES)} can be chosen by a pattern; list the values")
         return registry.names(group)
@@ -206,8 +205,6 @@ def sweep_words(overrides: Sequence[Override | Zip], *, most: int) -> Combinatio
 
 def _instead(item: Override | Zip) -> str:
     """What there is where a pattern over parts met none."""
-    from . import registry
-
     if isinstance(item, Zip) or item.key_or_group not in CHOICES:
         return ""
     return f" (there is {', '.join(registry.names(item.key_or_group))})"

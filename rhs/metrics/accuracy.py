@@ -7,14 +7,14 @@ No error stands alone: `matched_share` and `covered_share` say how much of the t
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from rhs.api.geometry import inverse
-from rhs.api.trajectory import Trajectory, aligned, associate, read_tum
+from rhs.api.trajectory import Trajectory, aligned, associate
+from rhs.runfolder.run import Run
 
 NEES_TOLERANCE_S = 0.02  # between an estimate and the truth it is compared with
 
@@ -105,17 +105,17 @@ def nees_of(folder: Path) -> float:
     """Mean of the squared error of x and y, as believed while the views came, over its stated variance, per dimension
     (Bar-Shalom, Li and Kirubarajan 2001, section 5.4, without correlations, which steps.csv does not hold). The first poses
     are made to agree. NaN without a truth."""
-    ways = [folder / "estimate.tum", folder / "truth_survey.tum", folder / "steps.csv"]
-    if not all(way.is_file() for way in ways):
+    run = Run(folder)
+    estimate, truth = run.trajectory("estimate"), run.trajectory("truth_survey")
+    if estimate is None or truth is None or not run.steps:
         return float("nan")
-    both = pair(read_tum(ways[0]), read_tum(ways[1]), NEES_TOLERANCE_S)
+    both = pair(estimate, truth, NEES_TOLERANCE_S)
     if len(both.truth) < 2:
         return float("nan")
     map_from_truth = both.estimate.poses[0] @ inverse(both.truth.poses[0])
     errors = (both.estimate.poses[:, :2, 3] - (map_from_truth @ both.truth.poses)[:, :2, 3])[1:]
-    with ways[2].open(encoding="utf-8", newline="") as file:
-        sigmas = {float(row["stamp_s"]): (float(row["sigma_x_m"]), float(row["sigma_y_m"])) for row in csv.DictReader(file)
-                  if row["phase"] == "survey" and row["sigma_x_m"]}
+    sigmas = {float(row["stamp_s"]): (float(row["sigma_x_m"]), float(row["sigma_y_m"])) for row in run.steps
+              if row["phase"] == "survey" and row["sigma_x_m"]}
     known = np.array(list(sigmas))
     nearest = [int(np.argmin(np.abs(known - stamp))) for stamp in both.estimate.stamps_s[1:]]
     stated = np.array(list(sigmas.values()))[nearest]

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from functools import partial
 
 from rhs.api.metric import RunFiles, columns_of
+from rhs.runfolder.row import number_in
 
 from .shares import Losses, middle, shapley
 from .success import places_within_reach
@@ -36,10 +37,7 @@ SMALL = 0.05  # of the loss: a link that cost less is not named
 def losses_of(columns: Mapping[str, object]) -> dict[str, float]:
     """What one patrol lost in each measure, from the columns of its row; NaN where nobody knows. A place that nobody can get
     to is no loss."""
-    def number(name: str) -> float:
-        value = columns.get(name)
-        return float(value) if isinstance(value, int | float) else NAN
-
+    number = partial(number_in, columns)
     return {"places": places_within_reach(columns) - number("places_visited"), "belief": number("patrol_rmse_m"),
             "ate": number("ate_unaligned_m"), "way": number("path_length_m") - number("path_optimal_informed_m"),
             "time": number("idleness_worst_s") - number("idleness_bound_s")}
@@ -158,14 +156,16 @@ def _off(since: int) -> str:
 def blame_values(run: RunFiles) -> dict[str, float | str]:
     """The columns of task=blame from blame.json."""
     blame = run.json("blame") or {}
+    errors = blame.get("off_by", {}).get(blame.get("measure", ""), {})
     shares: Mapping[str, Mapping[str, float]] = blame.get("shares", {})
     values: dict[str, float | str] = {"blame": str(blame.get("verdict", "")), "blame_link": str(blame.get("link", "")),
                                       "blame_measure": str(blame.get("measure", "")),
                                       "blame_off_since": float(blame.get("off_since", NAN)),
-                                      "blame_runs": float(blame.get("runs", NAN)), "blame_off_by": _off_by(blame)}
+                                      "blame_runs": float(blame.get("runs", NAN)),
+                                      "blame_off_by": max((number_in(errors, link) for link in errors), default=NAN)}
     for measure in MEASURES:
-        values |= {column(measure, link): _number(shares.get(measure, {}).get(link)) for link in LINKS}
-        values[column(measure, "rest")] = _number(blame.get("rest", {}).get(measure))
+        values |= {column(measure, link): number_in(shares.get(measure, {}), link) for link in LINKS}
+        values[column(measure, "rest")] = number_in(blame.get("rest", {}), measure)
     return values
 
 
@@ -175,17 +175,7 @@ def column(measure: str, link: str) -> str:
     return f"blame_{measure}_{link}" + (f"_{unit}" if unit else "")
 
 
-def _off_by(blame: Mapping[str, Any]) -> float:
-    """Of the shares in the measure that the run is judged by, the largest error there may be."""
-    errors = blame.get("off_by", {}).get(blame.get("measure", ""), {})
-    return max(map(_number, errors.values()), default=NAN)
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else NAN
-
-
-def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
+def _specs() -> list[tuple[str, str, str, str]]:
     source = "rhs.metrics.blame (Shapley 1953)"
     return [("blame", "", "which link cost what, and since when, in one sentence", source),
             ("blame_link", "", "the link that is named: the earliest whose truth alone saves nearly all that was lost, as "
@@ -199,7 +189,7 @@ def _specs(named: Collection[str] = LINKS) -> list[tuple[str, str, str, str]]:
              "fewer patrols were driven than there are combinations, if one truth more makes nothing worse; of its 95 % "
              "interval, where they were sampled", source),
             *((column(measure, link), unit, f"{what}: share that the link {link} cost", source)
-              for measure, (unit, what) in MEASURES.items() for link in named),
+              for measure, (unit, what) in MEASURES.items() for link in LINKS),
             *((column(measure, "rest"), unit, f"{what}: left with the truth in every link that was tried", source)
               for measure, (unit, what) in MEASURES.items())]
 

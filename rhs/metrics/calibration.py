@@ -69,9 +69,9 @@ def beliefs_of(steps: Sequence[Mapping[str, str]]) -> Beliefs:
     )  # fmt: skip
 
 
-def kidnaps(beliefs: Beliefs, within_m: float = WITHIN_M) -> list[Kidnap]:
+def kidnaps(beliefs: Beliefs) -> list[Kidnap]:
     """Every kidnap of a patrol, judged."""
-    return searches(beliefs, beliefs.kidnapped, within_m)
+    return searches(beliefs, beliefs.kidnapped, WITHIN_M)
 
 
 def searches(beliefs: Beliefs, begins_here: np.ndarray, within_m: float) -> list[Kidnap]:
@@ -96,19 +96,19 @@ def _judged(beliefs: Beliefs, begin: int, end: int, within_m: float) -> Kidnap:
     return Kidnap(way_m, beliefs.wrong_m[views], beliefs.sure[views], metres, seconds, wrong_sure)
 
 
-def reliability(probability: np.ndarray, right: np.ndarray, bins: int = BINS) -> np.ndarray:
+def reliability(probability: np.ndarray, right: np.ndarray) -> np.ndarray:
     """(B, 3) of the bins of predicted chance that hold any view: mean chance, share that was right, number of views."""
-    at = np.minimum((bins * np.asarray(probability)).astype(int), bins - 1)
+    at = np.minimum((BINS * np.asarray(probability)).astype(int), BINS - 1)
     right = np.asarray(right, float)
     return np.array([[probability[at == b].mean(), right[at == b].mean(), (at == b).sum()]
                      for b in np.unique(at)]).reshape(-1, 3)
 
 
-def calibration_error(probability: np.ndarray, right: np.ndarray, bins: int = BINS) -> float:
+def calibration_error(probability: np.ndarray, right: np.ndarray) -> float:
     """Expected calibration error: mean over the views of |chance - share right| of their bin; NaN without views."""
     if len(probability) == 0:
         return float("nan")
-    chance, share, count = reliability(probability, right, bins).T
+    chance, share, count = reliability(probability, right).T
     return float((np.abs(chance - share) * count).sum() / count.sum())
 
 
@@ -117,22 +117,30 @@ def calibration_values(run: RunFiles) -> dict[str, float | int | str]:
     knows the truth."""
     steps = [row for row in run.steps if row["phase"] in PHASES]
     beliefs = beliefs_of(steps)
-    known = len(beliefs.wrong_m) > 0
+    known, nan = len(beliefs.wrong_m) > 0, float("nan")
     happened = kidnaps(beliefs)
-    metres = np.array([one.metres for one in happened if np.isfinite(one.metres)])
-    seconds = np.array([one.seconds for one in happened if np.isfinite(one.metres)])
-    nan = float("nan")
+    again = recovered(happened)
     return {
         "kidnaps": len(happened) if known else nan,
-        "kidnap_recovered_share": len(metres) / len(happened) if happened else nan,
-        "kidnap_recovery_m": float(np.median(metres)) if len(metres) else nan,
-        "kidnap_recovery_p90_m": float(np.percentile(metres, 90)) if len(metres) else nan,
-        "kidnap_recovery_s": float(np.median(seconds)) if len(seconds) else nan,
-        "kidnap_recovery_p90_s": float(np.percentile(seconds, 90)) if len(seconds) else nan,
-        "kidnap_wrong_sure_share": float(np.mean([one.wrong_sure for one in happened])) if happened else nan,
+        "kidnap_recovered_share": again["share"],
+        "kidnap_recovery_m": again["metres"], "kidnap_recovery_p90_m": again["p90_metres"],
+        "kidnap_recovery_s": again["seconds"], "kidnap_recovery_p90_s": again["p90_seconds"],
+        "kidnap_wrong_sure_share": again["wrong_sure_share"],
         "belief_wrong_sure_share": float(np.mean(beliefs.sure & ~beliefs.right)) if known else nan,
         "belief_ece": calibration_error(beliefs.probability, beliefs.right),
     }
+
+
+def recovered(happened: Sequence[Kidnap]) -> dict[str, float]:
+    """share: of kidnaps after which the robot found itself; metres, seconds: until then, median, and p90_*: 90th percentile;
+    wrong_sure_share: after which it was wrong and sure. NaN of none."""
+    found, nan = [one for one in happened if np.isfinite(one.metres)], float("nan")
+    out = {"share": len(found) / len(happened) if happened else nan,
+           "wrong_sure_share": float(np.mean([one.wrong_sure for one in happened])) if happened else nan}
+    for name in ("metres", "seconds"):
+        took = [getattr(one, name) for one in found] or [nan]
+        out |= {name: float(np.median(took)), f"p90_{name}": float(np.percentile(took, 90))}
+    return out
 
 
 CALIBRATION = columns_of(

@@ -62,9 +62,9 @@ def read_pair(estimate: Path, truth: Path) -> tuple[Trajectory, Trajectory]:
     return ways
 
 
-def pair_fault(estimate: Path, truth: Path, tolerance_s: float = TOLERANCE_S) -> str:
+def pair_fault(estimate: Path, truth: Path) -> str:
     """What two trajectories show of how they were misread; empty where nothing is seen."""
-    return pose_fault(read_trajectory(estimate), read_trajectory(truth), tolerance_s)
+    return pose_fault(read_trajectory(estimate), read_trajectory(truth), TOLERANCE_S)
 
 
 def folder_fault(folder: Path) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rhs.api.metric import RunFiles, columns_of
 
-from .patrol import _true_xy, patrol_steps
+from .patrol import _shortest_m, _true_xy, patrol_steps
 from .survey import NAN, Values
 
 MOST_PLACES = 12  # more are not tried: the exact search takes 2^n steps
@@ -118,8 +118,6 @@ def idleness_values(run: RunFiles) -> Values:
 def extra_way_m(run: RunFiles) -> float:
     """Metres driven beyond the shortest way through the places that the robot said it reached, in the order of the world, on
     the plan without obstacles and people."""
-    from .patrol import _shortest_m
-
     driven, facts, missions = run.trajectory("truth_patrol"), run.json("facts") or {}, run.json("missions") or []
     arrived = [m["goal_m"][:2] for m in missions if m["status"] == "arrived"]
     stops = [(p["x_m"], p["y_m"]) for p in facts.get("places", ()) if [p["x_m"], p["y_m"]] in arrived]

@@ -11,7 +11,7 @@ import numpy as np
 from rhs.api.metric import RunFiles, columns_of
 
 from .accuracy import rmse
-from .calibration import beliefs_of, searches
+from .calibration import beliefs_of, recovered, searches
 from .survey import NAN, Values, share
 
 FOUND_WITHIN_M = 10.0  # a robot that begins anywhere is judged after so much way
@@ -22,7 +22,7 @@ def localise_values(run: RunFiles) -> Values:
     steps = [row for row in run.steps if row["phase"] == "localise"]
     beliefs = beliefs_of(steps)
     begun = searches(beliefs, beliefs.started | beliefs.kidnapped, FOUND_WITHIN_M)
-    metres = np.array([one.metres for one in begun if np.isfinite(one.metres)])
+    found = recovered(begun)
     tracking = beliefs.sure
     noted = run.json("localise") or {}
     misfit = noted.get("map_misfit_m")
@@ -30,10 +30,8 @@ def localise_values(run: RunFiles) -> Values:
         "localise_steps": len(steps),
         "localise_way_m": float(np.linalg.norm(np.diff(beliefs.xy_m, axis=0), axis=1).sum()) if len(beliefs.xy_m) else NAN,
         "starts": sum(bool({"started", "kidnapped"} & set(row["event"].split("+"))) for row in steps),
-        "found_share": len(metres) / len(begun) if begun else NAN,
-        "found_m": float(np.median(metres)) if len(metres) else NAN,
-        "found_p90_m": float(np.percentile(metres, 90)) if len(metres) else NAN,
-        "start_wrong_sure_share": float(np.mean([one.wrong_sure for one in begun])) if begun else NAN,
+        "found_share": found["share"], "found_m": found["metres"], "found_p90_m": found["p90_metres"],
+        "start_wrong_sure_share": found["wrong_sure_share"],
         "belief_right_share": float(beliefs.right.mean()) if len(beliefs.right) else NAN,
         "belief_sure_share": share(steps, "belief_status", "tracking"),
         "belief_lost_share": share(steps, "belief_status", "lost"),

@@ -9,7 +9,6 @@ import numpy as np
 from rhs.api.grid import OccupancyGrid
 from rhs.api.metric import LOOP, RunFiles, columns_of
 from rhs.api.robot_shape import Footprint
-from rhs.api.trajectory import Trajectory
 
 from .accuracy import absolute_errors_m, pair, rmse
 from .survey import NAN, TOLERANCE_S, Values, of_any, touches
@@ -30,7 +29,7 @@ def patrol_steps(run: RunFiles) -> Sequence[Mapping[str, str]]:
 def patrol_values(run: RunFiles) -> Values:
     """What the patrol achieved, by the simulator's word wherever there is one. All unknown where nothing was asked."""
     facts = run.json("facts") or {}
-    places = [(place["x_m"], place["y_m"]) for place in facts.get("places", ())]
+    places = _places(facts)
     if not places:
         return {metric.name: NAN for metric in PATROL}
     patrol = patrol_steps(run)
@@ -43,7 +42,8 @@ def patrol_values(run: RunFiles) -> Values:
         "places_visited": int(np.sum(~(errors > VISITED_M))), "replans": sum(int(m["replans"]) for m in missions),
         **touches(patrol, ""),
         "arrival_error_max_m": of_any(np.max, errors[np.isfinite(errors)]),
-        "patrol_rmse_m": _unaligned_rmse_m(believed, driven),
+        "patrol_rmse_m": NAN if believed is None or driven is None else rmse(
+            absolute_errors_m(pair(believed, driven, TOLERANCE_S), "none")),
         "path_length_m": float(driven.travelled_m[-1]) if driven else NAN,
         "path_optimal_m": path_optimal_m(run, facts, patrol),
         "path_optimal_informed_m": path_optimal_informed_m(run, facts, patrol),
@@ -72,12 +72,6 @@ def body_radii_m(facts: dict) -> tuple[float, float]:
     if not (corners := facts.get("footprint_m")):
         return wide_m, wide_m
     return wide_m, Footprint(tuple((x, y) for x, y in corners)).half_m
-
-
-def _unaligned_rmse_m(believed: Trajectory | None, driven: Trajectory | None) -> float:
-    if believed is None or driven is None:
-        return NAN
-    return rmse(absolute_errors_m(pair(believed, driven, TOLERANCE_S), "none"))
 
 
 def arrival_errors_m(missions: list[dict], patrol: Sequence[Mapping[str, str]]) -> np.ndarray:
@@ -129,7 +123,7 @@ def _shortest_m(plan: OccupancyGrid | None, facts: dict, patrol: Sequence[Mappin
 
 
 def _places(facts: dict) -> list[tuple[float, float]]:
-    return [(place["x_m"], place["y_m"]) for place in facts["places"]]
+    return [(place["x_m"], place["y_m"]) for place in facts.get("places", ())]
 
 
 def _true_xy(step: Mapping[str, str]) -> tuple[float, float]:

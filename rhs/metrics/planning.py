@@ -65,8 +65,8 @@ def _measures(points: np.ndarray, raw: np.ndarray, problem: PlanningProblem, opt
     return {
         "plan_steps": steps_8(points, problem.resolution_m),
         "plan_steps_raw": steps_8(raw, problem.resolution_m),
-        "plan_length_m": _length(points),
-        "plan_length_raw_m": _length(raw),
+        "plan_length_m": polyline_length(points) if len(points) else NAN,
+        "plan_length_raw_m": polyline_length(raw) if len(raw) else NAN,
         "plan_above_optimum_pct": above_optimum_pct(points, optimal_m, problem.resolution_m),
         "plan_above_optimum_raw_pct": above_optimum_pct(raw, optimal_m, problem.resolution_m),
         "plan_clearance_min_m": clearance_min_m(points, problem),
@@ -156,10 +156,6 @@ def _edge_cells(blocked: np.ndarray) -> np.ndarray:
     framed = np.pad(blocked, 1, constant_values=True)
     inner = framed[:-2, 1:-1] & framed[2:, 1:-1] & framed[1:-1, :-2] & framed[1:-1, 2:]
     return np.argwhere(blocked & ~inner)
-
-
-def _length(points: np.ndarray) -> float:
-    return polyline_length(points) if len(points) else NAN
 
 
 PLANNING: tuple[Metric, ...] = columns_of(

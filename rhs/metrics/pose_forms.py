@@ -10,7 +10,8 @@ poses that were meant so. Where it is not, and is less than half with the one or
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -30,14 +31,6 @@ LEAST_MIRRORED = 0.02  # of the extent of a way, that the best move leaves
 AXES_DEG = 20.0  # bodies that are turned by less are taken for one
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Share of the motions (rms) that a rotation (3, 3) estimate_from_truth leaves."""
-
-    left: float
-    rotation: np.ndarray
-
-
 def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> str:
     """What is wrong with the poses of two trajectories as they were read, and what to type; empty where nothing is seen."""
     both = pair(estimate, truth, tolerance_s)
@@ -47,11 +40,11 @@ def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> s
     if len(steps) < LEAST_STEPS:
         return ""
     mine, theirs = both.estimate.poses, both.truth.poses
-    told = _fit(mine, theirs, steps)
-    if told.left <= CONTRADICTS:
-        return _axes(both, steps, told.rotation)
-    left, said = min(((_fit(read(mine), theirs, steps).left, said) for read, said in READINGS), key=lambda one: one[0])
-    if left > HALF * told.left:
+    told, rotation = _fit(mine, theirs, steps)
+    if told <= CONTRADICTS:
+        return _axes(both, steps, rotation)
+    left, said = min(((_fit(read(mine), theirs, steps)[0], said) for read, said in READINGS), key=lambda one: one[0])
+    if left > HALF * told:
         return ""
     return f"the poses go together only if one of the two files has {said}"
 
@@ -84,17 +77,8 @@ def _mirrored(both: Pairing) -> str:
             "means anything as read: negate y, qx and qz (Unity: z, qx and qy)")
 
 
-def w_first(poses: np.ndarray) -> np.ndarray:
-    """Poses (N, 4, 4) whose quaternions were read with w last, with w first."""
-    return _in_order(poses, [1, 2, 3, 0])
-
-
-def w_last(poses: np.ndarray) -> np.ndarray:
-    """The other way round."""
-    return _in_order(poses, [3, 0, 1, 2])
-
-
-def _in_order(poses: np.ndarray, order: list[int]) -> np.ndarray:
+def _in_order(order: list[int], poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), the numbers of whose quaternions were read in another order."""
     from scipy.spatial.transform import Rotation
 
     out = poses.copy()
@@ -106,7 +90,7 @@ def _in_order(poses: np.ndarray, order: list[int]) -> np.ndarray:
 _QW = ("qw first (of EuRoC's form: last): rpe_* mean nothing; name the columns in its first line: # timestamp tx ty tz qw "
        "qx qy qz")
 READINGS: tuple[tuple[Callable[[np.ndarray], np.ndarray], str], ...] = (
-    (w_first, _QW), (w_last, _QW),
+    (partial(_in_order, [1, 2, 3, 0]), _QW), (partial(_in_order, [3, 0, 1, 2]), _QW),  # w first, read as last; and w last
     (inverse, "the poses of the world in the body (Tcw): no figure means anything as read; invert them"),
 )
 
@@ -123,15 +107,16 @@ def _steps(poses: np.ndarray) -> np.ndarray:
     return np.zeros((0, 2), int)
 
 
-def _fit(mine: np.ndarray, theirs: np.ndarray, steps: np.ndarray) -> _Fit:
-    """The rotation between the bodies by their motions, turns and ways of equal weight (Kabsch)."""
+def _fit(mine: np.ndarray, theirs: np.ndarray, steps: np.ndarray) -> tuple[float, np.ndarray]:
+    """(share of the motions (rms) that it leaves, rotation (3, 3) estimate_from_truth between the bodies by their motions,
+    turns and ways of equal weight (Kabsch))."""
     a, b = _motions(mine, steps), _motions(theirs, steps)
     weights = 1.0 / np.maximum(np.sqrt(np.mean(a * a, axis=1) * np.mean(b * b, axis=1)).mean(axis=-1), 1e-12)
     u, _, vt = np.linalg.svd(sum(w * x.T @ y for w, x, y in zip(weights, a, b, strict=True)))
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     left = [np.mean((x - y @ rotation.T) ** 2) / max(np.mean(x * x), np.mean(y * y), 1e-12)
             for x, y in zip(a, b, strict=True)]
-    return _Fit(float(np.sqrt(np.mean(left))), rotation)
+    return float(np.sqrt(np.mean(left))), rotation
 
 
 def _motions(poses: np.ndarray, steps: np.ndarray) -> np.ndarray:

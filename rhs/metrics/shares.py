@@ -51,10 +51,10 @@ def shapley_of_orders(losses: Losses, orders: Sequence[Sequence[str]]) -> dict[s
     for order in orders:
         for place, link in enumerate(order):
             taken[link].append(losses[frozenset(order[:place])] - losses[frozenset(order[:place + 1])])
-    return {link: (fmean(found), _half_width(found)) for link, found in taken.items()}
+    return {link: (fmean(found), half_width(found)) for link, found in taken.items()}
 
 
-def _half_width(values: Sequence[float]) -> float:
+def half_width(values: Sequence[float] | np.ndarray) -> float:
     """Of Student's 95 % interval of the mean of two values or more."""
     from scipy.special import stdtrit
 

@@ -25,7 +25,9 @@ def survey_values(run: RunFiles) -> Values:
     survey = [row for row in run.steps if row["phase"] == "survey"]
     truth, online, closed = (run.trajectory(name) for name in ("truth_survey", "estimate", "corrected"))
     closed = online if closed is None else closed
-    values: Values = {"survey_steps": len(survey), **_status_shares(survey), **touches(survey, "survey_")}
+    shares = {name: share(survey, "motion_status", status) for name, status in STATUSES.items()}
+    values: Values = {"survey_steps": len(survey), **shares, "gated_share": share(survey, "motion_replaced", "1"),
+                      **touches(survey, "survey_")}
     known = scale_known(survey)
     how = "sim3" if known == 0.0 else "se3"
     return values | {"scale_known": known} | trajectory_values(closed, truth, alignment=how) | _before_closing(
@@ -54,7 +56,9 @@ def trajectory_values(estimate: Trajectory | None, truth: Trajectory | None, *, 
                       tolerance_s: float = TOLERANCE_S) -> Values:
     """ATE and RPE of an estimate against the truth, and how much of the truth they cover."""
     if estimate is None or truth is None:
-        return _no_trajectory(truth)
+        unknown: Values = dict.fromkeys(ACCURACY, NAN)
+        return unknown | {"ate_alignment": "", "matched_share": NAN if truth is None else 0.0,
+                          "distance_m": float(truth.travelled_m[-1]) if truth else NAN}
     both = pair(estimate, truth, tolerance_s)
     errors = absolute_errors_m(both, alignment) if len(both.truth) > 1 else np.zeros(0)  # one pose fits any truth
     scaled = _scaled(both, alignment)
@@ -81,12 +85,6 @@ def _scaled(both: Pairing, alignment: str) -> Pairing:
     return replace(both, estimate=aligned(both.estimate, both.truth, alignment)) if alignment == "sim3" else both
 
 
-def _no_trajectory(truth: Trajectory | None) -> Values:
-    values: Values = dict.fromkeys(ACCURACY, NAN)
-    return values | {"ate_alignment": "", "matched_share": NAN if truth is None else 0.0,
-                     "distance_m": float(truth.travelled_m[-1]) if truth else NAN}
-
-
 def end_error_m(both: Pairing) -> float:
     """Distance between the last paired poses when the first ones are made to agree."""
     errors = absolute_errors_m(both, "origin")
@@ -108,11 +106,6 @@ def _before_closing(online: Trajectory | None, truth: Trajectory | None, how: st
     end, distance = end_error_m(_scaled(both, how)), both.truth.travelled_m[-1] if len(both.truth) else 0.0
     return {"ate_before_closing_m": rmse(absolute_errors_m(both, how)), "end_error_before_closing_m": end,
             "drift_pct": float(100.0 * end / distance) if distance > 0 else NAN}
-
-
-def _status_shares(survey: Sequence[Mapping[str, str]]) -> Values:
-    shares: Values = {name: share(survey, "motion_status", status) for name, status in STATUSES.items()}
-    return shares | {"gated_share": share(survey, "motion_replaced", "1")}
 
 
 def share(steps: Sequence[Mapping[str, str]], column: str, word: str) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 
 from rhs.api.geometry import inverse
 from rhs.api.trajectory import Trajectory, aligned
+from rhs.runfolder.row import number_in
 
 from .accuracy import rmse, rotation_angles
 
@@ -41,7 +42,8 @@ def truth_offset(estimate: Trajectory, truth: Trajectory, alignment: str) -> tup
         return np.nan, np.nan
     window_s = max(RATE_S, float(np.median(np.diff(estimate.stamps_s))))
     seen, true = rates(estimate, window_s), rates(truth, window_s)
-    lags = _lags(estimate)
+    most = int(min(MOST_S, MOST_SHARE * float(np.ptp(estimate.stamps_s))) / STEP_S)
+    lags = STEP_S * np.arange(-most, most + 1)
     likeness = np.array([correlations(seen, true, lag, 3.0 * window_s) for lag in lags]).reshape(-1, 2)
     both = likelihood(likeness)
     if not np.isfinite(both).any():
@@ -56,23 +58,12 @@ def truth_offset(estimate: Trajectory, truth: Trajectory, alignment: str) -> tup
 
 def clock_fault(values: Mapping[str, object]) -> str:
     """That the truth of these figures is by another clock, and what to do; empty where it is not known to be."""
-    offset_s, there_m, ate_m = (_number(values, name) for name in ("truth_offset_s", "ate_at_offset_m", "ate_rmse_m"))
+    offset_s, there_m, ate_m = (number_in(values, name) for name in ("truth_offset_s", "ate_at_offset_m", "ate_rmse_m"))
     if not (offset_s and there_m < HALF * ate_m):
         return ""
     off, mend = ("late", "subtract that from") if offset_s > 0.0 else ("early", "add that to")
     return (f"the stamps of the true poses are {abs(offset_s):.2f} s {off} beside the estimate's: the ATE of {ate_m:.3g} m "
             f"is mostly that, {there_m:.3g} m without it; {mend} the stamps of the truth (no figure is corrected)")
-
-
-def _number(values: Mapping[str, object], name: str) -> float:
-    value = values.get(name)
-    return float(value) if isinstance(value, int | float) else np.nan
-
-
-def _lags(estimate: Trajectory) -> np.ndarray:
-    """(L,) seconds, even about 0."""
-    most = int(min(MOST_S, MOST_SHARE * float(np.ptp(estimate.stamps_s))) / STEP_S)
-    return STEP_S * np.arange(-most, most + 1)
 
 
 def _inside(values: np.ndarray, at: int) -> bool:

@@ -12,13 +12,14 @@ import re
 import sys
 import time
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from rhs.api.files import replacing
 from rhs.base.commands import Arguments, answered
 from rhs.base.errors import ConfigError
 
+from .export import write_text
 from .planning_table import Group, groups
 from .table import some_rows, tell_unreadable
 
@@ -56,16 +57,13 @@ def write_logs(table: pandas.DataFrame, folder: FilePath) -> list[FilePath]:
     for (world, problem), found in experiments.items():
         name = f"{FilePath(world).stem} {problem}".strip()
         path = folder / f"{re.sub(r'[^A-Za-z0-9._-]+', '_', name).strip('_')[:120]}.log"
-        with replacing(path) as file:
-            file.write(log_text(name, world, found))
+        write_text(path, log_text(name, world, found))
         written.append(path)
     return written
 
 
 def log_text(name: str, world: str, found: Sequence[Group]) -> str:
     """The log of one problem on one map."""
-    from importlib.metadata import version
-
     seconds = sum(float(group.rows["wall_ms"].astype("float64").sum()) for group in found) / 1e3
     runs = max(len(group.rows) for group in found)
     lines = [f"OMPL version {version('ompl')}", f"Experiment {name}", "0 experiment properties",

@@ -11,13 +11,14 @@ import numpy as np
 
 from rhs.api.belief import RIGHT_M
 from rhs.api.files import write_whole
-from rhs.metrics.calibration import PHASES, WITHIN_M, Kidnap, beliefs_of, calibration_error, reliability, searches
+from rhs.metrics.calibration import PHASES, WITHIN_M, Beliefs, Kidnap, beliefs_of, calibration_error, reliability, searches
 from rhs.metrics.localise import FOUND_WITHIN_M
 from rhs.plots import new_figure, save
 from rhs.runfolder.run import Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SURE, UNSURE = "#1f6fb4", "#bbbbbb"
 
@@ -28,13 +29,23 @@ def calibration_picture(folder: Path) -> Path | None:
     beliefs = beliefs_of([row for row in Run(folder).steps if row["phase"] in PHASES])
     if not len(beliefs.wrong_m):
         return None
-    figure = new_figure(10.0, 4.2)
-    left, right = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     started = bool(beliefs.started.any())
     begins, within_m = beliefs.kidnapped | beliefs.started, FOUND_WITHIN_M if started else WITHIN_M
-    draw_kidnaps(left, searches(beliefs, begins, within_m), what="start" if started else "kidnap")
-    draw_reliability(right, {"this drive" if started else "this patrol": (beliefs.probability, beliefs.right)})
+    figure = draw_knowing(searches(beliefs, begins, within_m), {"this drive" if started else "this patrol": [beliefs]},
+                          what="start" if started else "kidnap", wide=1.5)
     return write_whole(Path(folder) / "knowing.png", lambda partial: save(figure, partial))
+
+
+def draw_knowing(happened: Sequence[Kidnap], drives: Mapping[str, Sequence[Beliefs]], *, what: str = "kidnap",
+                 wide: float = 1.2) -> Figure:
+    """What followed each kidnap or start; how reliable the chances were that were stated on some drives, by name. wide: the
+    left picture over the right one."""
+    figure = new_figure(10.0, 4.2)
+    left, right = figure.subplots(1, 2, width_ratios=[wide, 1.0])
+    draw_kidnaps(left, happened, what=what)
+    draw_reliability(right, {name: (np.concatenate([one.probability for one in each]),
+                                    np.concatenate([one.right for one in each])) for name, each in drives.items() if each})
+    return figure
 
 
 def draw_kidnaps(axes: Axes, happened: Sequence[Kidnap], *, what: str = "kidnap") -> None:

@@ -1,14 +1,20 @@
-"""Charts of runs and sweeps: error over time, time per stage, bars with intervals. matplotlib's home, without pyplot."""
+"""Charts of runs and sweeps: error over time, time per stage, bars with intervals, what each link cost. matplotlib's home,
+without pyplot."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rhs.api.files import write_whole
 from rhs.api.geometry import wrap
-from rhs.plots import draw_errors, new_figure
+from rhs.metrics.blame import MEASURES
+from rhs.plots import draw_errors, new_figure, save
+from rhs.runfolder.run import Run
 
 from .drawing import COLOURS
 
@@ -16,6 +22,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
+LINK, REST, LOSS = "#b03a48", "#9aa0a6", "#222222"  # colours of task=blame
 STAGES = ("capture_ms", "sense_ms", "odometry_ms", "localise_ms", "map_ms", "plan_ms")
 
 
@@ -109,3 +116,37 @@ def bars(table: pandas.DataFrame, column: str, group: Sequence[str]) -> Figure |
     axes.set_xlabel(f"{column} (bar: mean, line: 95 % interval, dots: runs; in brackets: runs with a value / runs)",
                     fontsize=8)
     return figure
+
+
+def blame_picture(folder: Path) -> Path | None:
+    """blame.png: a panel per measure, a bar per link, the whole loss as a line; None where there is no blame.json."""
+    blame = Run(folder).json("blame")
+    if not blame:
+        return None
+    errors = blame.get("off_by", {})
+    names = [*blame["links"], "no link tried"]
+    figure = new_figure(12.5, 1.6 + 0.34 * len(names))
+    panels = figure.subplots(1, len(MEASURES), sharey=True)
+    places = list(range(len(names)))[::-1]
+    for axes, (measure, (unit, what)) in zip(panels, MEASURES.items(), strict=True):
+        shares, loss = blame["shares"][measure], blame["loss"][measure]
+        values = [_known(shares[link]) for link in blame["links"]] + [_known(blame["rest"][measure])]
+        spread = [_known(errors.get(measure, {}).get(link)) for link in blame["links"]] + [0.0]
+        axes.barh(places, values, xerr=spread if any(spread) else None, height=0.62, ecolor=LOSS,
+                  color=[LINK] * len(blame["links"]) + [REST])
+        axes.axvline(0.0, color=LOSS, linewidth=0.8)
+        if loss is not None:
+            axes.axvline(loss, color=LOSS, linewidth=1.0, linestyle=":")
+        axes.set_title(f"{what}:\n" + ("unknown" if loss is None else f"{loss:.3g} {unit}"), fontsize=8)
+        axes.set_xlabel(f"cost of the link{f' [{unit}]' if unit else ''}", fontsize=8)
+        if not any(values) and not loss:
+            axes.set_xlim(0.0, 1.0)
+        axes.tick_params(labelsize=8)
+    panels[0].set_yticks(places, names)
+    drawn = "dotted: the whole loss" + ("; black: how far a share may be off" if errors else "")
+    figure.suptitle("\n".join(textwrap.wrap(blame["verdict"], 130)) + f"\n({drawn})", fontsize=10)
+    return write_whole(folder / "blame.png", lambda path: save(figure, path))
+
+
+def _known(value: float | None) -> float:
+    return 0.0 if value is None else value

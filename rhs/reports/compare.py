@@ -52,7 +52,8 @@ def compare(table: pandas.DataFrame, key: str, columns: Sequence[str] = (), *, c
     label = independent(table)
     rows = []
     for pair in found:
-        sample = _samples(table, pair, label, cluster)
+        _, same = np.unique(np.stack([label[pair.a], label[pair.b]]), axis=1, return_inverse=True)
+        sample = clusters(table.iloc[pair.a].assign(independent_=same), cluster)  # worlds or problems, else results alike
         rows += [_row(scored, pair, column, sample) for column in columns]
     out = pd.DataFrame(rows)
     out["p"], out["least_p"] = holm(out["p"].to_numpy(float)), holm(out["least_p"].to_numpy(float))
@@ -129,13 +130,9 @@ def _nothing_to_pair(key: str, choices: list[Chosen], rest: list[Chosen]) -> str
     return f"no two runs differ in {key} alone{also}; sweep {key} over the same worlds and seeds"
 
 
-def _samples(table: pandas.DataFrame, pair: Pairs, label: np.ndarray, cluster: str) -> np.ndarray:
-    """(P,) labels of the units: pairs of one world or problem, or else pairs of which both results are the same."""
-    _, same = np.unique(np.stack([label[pair.a], label[pair.b]]), axis=1, return_inverse=True)
-    return clusters(table.iloc[pair.a].assign(independent_=same), cluster)
-
-
 def _row(scored: pandas.DataFrame, pair: Pairs, column: str, sample: np.ndarray) -> dict[str, object]:
+    from scipy.stats import binomtest
+
     values, done = numbers(scored, column), scored["success"].to_numpy(float)
     difference = values[pair.a] - values[pair.b]
     known, solved = np.isfinite(difference), (done[pair.a] == 1.0) & (done[pair.b] == 1.0)
@@ -150,7 +147,7 @@ def _row(scored: pandas.DataFrame, pair: Pairs, column: str, sample: np.ndarray)
         "mean_both_solved": mean_text(difference[solved], sample[solved]),
         "only_first_complete": int((done[pair.a] > done[pair.b]).sum()),
         "only_second_complete": int((done[pair.a] < done[pair.b]).sum()),
-        "p_complete": _sign_p(int((won > 0.0).sum()), decided),
+        "p_complete": float(binomtest(int((won > 0.0).sum()), decided).pvalue) if decided else 1.0,  # McNemar's, exact
     }
 
 
@@ -161,13 +158,6 @@ def _won(difference: np.ndarray, sample: np.ndarray) -> np.ndarray:
         return np.empty(0)
     _, label = np.unique(sample[known], return_inverse=True)
     return np.sign(np.bincount(label, difference[known]))
-
-
-def _sign_p(wins: int, count: int) -> float:
-    """McNemar's exact test: the sign test of what only one of two achieved."""
-    from scipy.stats import binomtest
-
-    return float(binomtest(wins, count).pvalue) if count else 1.0
 
 
 def _notes(view: pandas.DataFrame, key: str, alone: int, cluster: str) -> list[str]:

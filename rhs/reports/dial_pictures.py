@@ -35,8 +35,8 @@ def threshold_picture(accounts: Sequence[Mapping[str, Any]], dial: Dial, path: P
             alike = [level for level, success in tried if success is succeeded]
             axes.plot(alike, [at] * len(alike), "|", color="#222222", markersize=7)
         if account["found"]:
-            level = float(np.interp(0.5, *_rising(expected, levels)))
-            axes.axvline(level, color=colour, linestyle=":")
+            order = np.argsort(expected, kind="stable")  # np.interp wants chances that rise
+            axes.axvline(float(np.interp(0.5, expected[order], levels[order])), color=colour, linestyle=":")
         axes.set(ylim=(-0.15, 1.15), xlim=(-0.02, 1.02), yticks=[0.0, 0.5, 1.0])
         axes.set_title(f"{account['combination']}: {account['says']}; {account['runs']} runs", fontsize=9)
         axes.set_ylabel("success", fontsize=8)
@@ -45,12 +45,6 @@ def threshold_picture(accounts: Sequence[Mapping[str, Any]], dial: Dial, path: P
     panels[-1].set_xlabel(f"{accounts[0]['dial']} (ticks: runs that succeeded above, that failed below; band: 95 %)",
                           fontsize=8)
     return write_whole(path, lambda where: save(figure, where))
-
-
-def _rising(expected: np.ndarray, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Chance and level, sorted by chance, as np.interp wants them."""
-    order = np.argsort(expected, kind="stable")
-    return expected[order], levels[order]
 
 
 def atlas_picture(accounts: Sequence[Mapping[str, Any]], path: Path) -> Path:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rhs.api.grid import OccupancyGrid
-from rhs.api.trajectory import Trajectory, aligned, read_tum
+from rhs.api.trajectory import Trajectory, aligned
 from rhs.metrics.accuracy import pair
 from rhs.metrics.patrol import arrived_elsewhere, gets_to, patrol_steps
 from rhs.metrics.success import places_within_reach
@@ -46,26 +44,26 @@ def title(row: dict[str, Any]) -> str:
     return first + "\n" + " · ".join(n for n in numbers if n)
 
 
-def draw_run(axes: Axes, folder: Path) -> None:
+def draw_run(axes: Axes, run: Run) -> None:
     """The layers of a run that exist, bottom to top."""
-    grid, true = grid_of(folder / "map.yaml"), grid_of(folder / "true_map.yaml")
+    grid, true = run.grid("map"), run.grid("true_map")
     if grid is not None:
         draw_grid(axes, grid)
     if true is not None:
         draw_walls(axes, true)
-        after = grid_of(folder / "true_map_patrol.yaml")
+        after = run.grid("true_map_patrol")
         if after is not None:
             draw_unknown(axes, true, after)
-    draw_found_walls(axes, folder)
-    draw_moving(axes, json_of(folder / "moving.json") or {})
-    draw_lines(axes, folder)
-    draw_plans(axes, folder)
-    draw_places(axes, folder)
-    draw_happenings(axes, Run(folder).steps, json_of(folder / "missions.json") or [])
+    draw_found_walls(axes, run)
+    draw_moving(axes, run.json("moving") or {})
+    draw_lines(axes, run)
+    draw_plans(axes, run)
+    draw_places(axes, run)
+    draw_happenings(axes, run.steps, run.json("missions") or [])
     if grid is not None:
         show_what_is_known(axes, grid)
     axes.set_aspect("equal")
-    unit = unit_of(json_of(folder / "row.json") or {})
+    unit = unit_of(run.json("row") or {})
     axes.set_xlabel(f"x [{unit}]")
     axes.set_ylabel(f"y [{unit}]")
 
@@ -98,25 +96,25 @@ def draw_walls(axes: Axes, true: OccupancyGrid) -> None:
         axes.plot([], [], color="#7ab8e0", linewidth=0.8, label="true walls")
 
 
-def draw_found_walls(axes: Axes, folder: Path) -> None:
+def draw_found_walls(axes: Axes, run: Run) -> None:
     """The walls that an odometry without depth found on the survey, of which the map was drawn."""
     label = "walls found"
-    for wall in json_of(folder / "walls.json") or []:
+    for wall in run.json("walls") or []:
         ends = np.array([wall["start_m"], wall["end_m"]])
         axes.plot(ends[:, 0], ends[:, 1], color=COLOURS["wall"], linewidth=2.2, marker="|", markersize=9,
                   label=label, zorder=2)
         label = "_nolegend_"
 
 
-def draw_lines(axes: Axes, folder: Path) -> None:
+def draw_lines(axes: Axes, run: Run) -> None:
     """Trajectories: truth thin and dark, beliefs in colour. A truth measured in a frame of its own (a motion-capture
     room) is laid onto the corrected way as the row's ATE was; that of a simulator stands in the frame of the map."""
-    simulated = (folder / "true_map.yaml").exists()
-    how = "none" if simulated else str((json_of(folder / "row.json") or {}).get("ate_alignment") or "none")
+    simulated = run.grid("true_map") is not None
+    how = "none" if simulated else str((run.json("row") or {}).get("ate_alignment") or "none")
     note = "" if how == "none" else f" ({how} aligned)"
-    loops = sum(bool(edge.get("accepted")) for edge in (json_of(folder / "closure.json") or {}).get("edges", ()))
+    loops = sum(bool(edge.get("accepted")) for edge in (run.json("closure") or {}).get("edges", ()))
     closed = f"survey, {loops} loop{'s' * (loops > 1)} closed" if loops else "survey, corrected without a loop"
-    settled = "corrected" if (folder / "corrected.tum").exists() else "estimate"
+    settled = "corrected" if (run.folder / "corrected.tum").exists() else "estimate"
     styles = (("truth_survey", settled, f"survey, true{note}", COLOURS["truth"], 1.4, "-"),
               ("estimate", "", "survey, as believed", COLOURS["estimate"], 1.2, "-"),
               ("corrected", "", closed, COLOURS["corrected"], 1.2, "-"),
@@ -125,11 +123,9 @@ def draw_lines(axes: Axes, folder: Path) -> None:
               ("truth_localised", "", "true way, in the map", COLOURS["truth"], 1.4, ":"),
               ("localised", "", "as believed", COLOURS["patrol"], 1.2, "-"))
     for name, onto, label, colour, width, style in styles:
-        path = folder / f"{name}.tum"
-        if path.exists():
-            line = read_tum(path)
-            if onto and how != "none" and (folder / f"{onto}.tum").exists():
-                line = _laid_onto(line, read_tum(folder / f"{onto}.tum"), how)
+        if (line := run.trajectory(name)) is not None:
+            if onto and how != "none" and (belief := run.trajectory(onto)) is not None:
+                line = laid_onto(line, belief, how)
             xy = broken_at_leaps(line.positions_m[:, :2])
             axes.plot(xy[:, 0], xy[:, 1], color=colour, linewidth=width, linestyle=style, label=label, zorder=3)
 
@@ -144,10 +140,10 @@ def broken_at_leaps(xy_m: np.ndarray) -> np.ndarray:
     return np.insert(xy_m.astype(float), leaps + 1, np.nan, axis=0)
 
 
-def _laid_onto(truth: Trajectory, belief: Trajectory, how: str) -> Trajectory:
-    """The poses of the truth that have a belief, moved onto it."""
-    paired = pair(truth, belief, PAIRED_S)
-    return aligned(paired.estimate, paired.truth, how)
+def laid_onto(way: Trajectory, other: Trajectory, how: str) -> Trajectory:
+    """The poses of a way that have one in the other, a belief's or the true one's, moved onto it as for the ATE."""
+    both = pair(way, other, PAIRED_S)
+    return aligned(both.estimate, both.truth, how)
 
 
 def show_what_is_known(axes: Axes, grid: OccupancyGrid) -> None:
@@ -164,10 +160,10 @@ def show_what_is_known(axes: Axes, grid: OccupancyGrid) -> None:
         axes.set_ylim(y0, y1)
 
 
-def draw_plans(axes: Axes, folder: Path) -> None:
+def draw_plans(axes: Axes, run: Run) -> None:
     """Every path that was planned."""
     label = "planned"
-    for plan in json_of(folder / "plans.json") or []:
+    for plan in run.json("plans") or []:
         points = np.asarray(plan.get("points_m") or [], float).reshape(-1, 2)
         if len(points) > 1:
             axes.plot(points[:, 0], points[:, 1], color=COLOURS["plan"], linewidth=0.9, linestyle="--", label=label,
@@ -175,13 +171,13 @@ def draw_plans(axes: Axes, folder: Path) -> None:
             label = "_nolegend_"
 
 
-def draw_places(axes: Axes, folder: Path) -> None:
+def draw_places(axes: Axes, run: Run) -> None:
     """Places by name, each with what became of it."""
-    facts, missions = json_of(folder / "facts.json") or {}, json_of(folder / "missions.json") or []
+    facts, missions = run.json("facts") or {}, run.json("missions") or []
     arrived = {m["place"] for m in missions if m["status"] == "arrived"}
-    mistaken = arrived_elsewhere(missions, patrol_steps(Run(folder)))
+    mistaken = arrived_elsewhere(missions, patrol_steps(run))
     elsewhere = {m["place"] for m in missions if str(m["mission"]) in mistaken}
-    barred = _barred(folder, facts)
+    barred = _barred(run, facts)
     red, grey = COLOURS["place"], "#777777"
     styles = {"place reached": ("o", red, red), "place not reached": ("o", "none", red),
               "said to be reached, but the robot was elsewhere": ("X", red, "white"),
@@ -202,9 +198,9 @@ def draw_places(axes: Axes, folder: Path) -> None:
         axes.plot([], [], marker, markerfacecolor=face, markeredgecolor=edge, label=label)
 
 
-def _barred(folder: Path, facts: dict[str, Any]) -> set[str]:
+def _barred(run: Run, facts: dict[str, Any]) -> set[str]:
     """Places that the robot is too large to get to, as things stand on the patrol."""
-    if (found := json_of(folder / "reach.json")) is None:
+    if (found := run.json("reach")) is None:
         return set()
     _, perhaps = gets_to(found, facts)
     return {place["name"] for place, there in zip(found["places"], perhaps, strict=True) if not there}
@@ -220,17 +216,3 @@ def extent(grid: OccupancyGrid) -> tuple[float, float, float, float]:
 def _number(row: dict[str, Any], name: str, pattern: str) -> str:
     value = row.get(name)
     return pattern.format(value) if isinstance(value, int | float) and value == value else ""
-
-
-def grid_of(path: Path) -> OccupancyGrid | None:
-    """The map of a yaml file, None where there is none."""
-    if not path.exists():
-        return None
-    from rhs.worlds.maps import load_map
-
-    return load_map(path)
-
-
-def json_of(path: Path) -> Any:
-    """The content of a JSON file, None where there is none."""
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None

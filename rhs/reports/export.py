@@ -1,10 +1,11 @@
-"""Tables for papers and other programs: LaTeX and Markdown of what is printed, parquet of every row and column."""
+"""Tables for papers and other programs: LaTeX and Markdown of what is printed, parquet of every row and column, JSON."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rhs.api.files import replacing, write_whole
 from rhs.base.errors import ConfigError
@@ -42,6 +43,15 @@ def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         write_text(folder / name, text)
+
+
+def without_nan(value: Any) -> Any:
+    """The value with NaN and infinity, which JSON does not know, as null."""
+    if isinstance(value, dict):
+        return {name: without_nan(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_parquet(table: pandas.DataFrame, path: Path) -> None:

@@ -60,5 +60,3 @@ SWEEP = HEAD + TABLE + """
 <h2>Runs</h2>{{ table(runs) }}
 </body></html>
 """
-
-TEMPLATES = {"run": RUN, "sweep": SWEEP}

@@ -8,6 +8,7 @@ beside the figures: `spl`, success weighted by path length (Anderson et al. 2018
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -193,8 +194,6 @@ def clusters(table: pandas.DataFrame, by: str = "") -> np.ndarray:
 
 def failures_told(table: pandas.DataFrame) -> str:
     """`3 of 6 failed: 2 x budget_spent, 1 x 1 of 4 places`."""
-    from collections import Counter
-
     asked, failed = int(np.isfinite(succeeded(table)).sum()), int((succeeded(table) == 0.0).sum())
     if not failed:
         return f"0 of {asked} failed" if asked else f"{len(table)} runs, none of them asked for anything that can fail"

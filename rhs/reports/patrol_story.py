@@ -14,8 +14,6 @@ from rhs.api.records import BeliefStatus
 from rhs.metrics.patrol import arrived_elsewhere, patrol_steps
 from rhs.runfolder.run import Run
 
-from .drawing import json_of
-
 COLOURS_BGR = {"new": (40, 40, 220), "gone": (220, 90, 30), "looks different": (0, 200, 240)}
 SHOWN_PX = 480  # width of each picture on the page
 JPEG_QUALITY = 85
@@ -42,9 +40,9 @@ class Story:
 
 def patrol_story(folder: Path, row: Mapping[str, Any]) -> Story:
     """The story of a run folder that has a changes.json."""
-    missions, rows = json_of(folder / "missions.json") or [], json_of(folder / "changes.json") or []
+    run = Run(folder)
+    missions, rows, patrol = run.json("missions") or [], run.json("changes") or [], patrol_steps(run)
     places = tuple(_place(folder, row) for row in rows)
-    patrol = patrol_steps(Run(folder))
     mistaken = arrived_elsewhere(missions, patrol)
     return Story((*_what_happened(missions, rows, mistaken), *_of_the_row(row), *_of_the_steps(patrol)), places)
 

@@ -87,7 +87,7 @@ def bars(groups: Sequence[tuple[str, str, float, float, float]], label: str, tar
          log: bool = False) -> FilePath:
     """Bars of one column: groups holds (map, planner, mean, low, high), NaN where nothing was found; no line where there
     is no interval."""
-    maps, planners = _unique(g[0] for g in groups), _unique(g[1] for g in groups)
+    maps, planners = list(dict.fromkeys(g[0] for g in groups)), list(dict.fromkeys(g[1] for g in groups))
     figure = new_figure(max(6.0, 0.35 * len(planners) * len(maps) * 0.5 + 2.0), 3.6)
     axes = figure.add_subplot()
     wide = 0.8 / len(planners)
@@ -124,10 +124,6 @@ def _caption(row: dict[str, Any]) -> str:
     text = f"{row['plan_length_m']:.2f} m"
     text += f", +{above:.1f} %" if isinstance(above, float) else ""
     return text + (f", {time_ms:.1f} ms" if isinstance(time_ms, float) else "")
-
-
-def _unique(values: Any) -> list[str]:
-    return list(dict.fromkeys(values))
 
 
 def _write(figure: Figure, target: FilePath) -> FilePath:

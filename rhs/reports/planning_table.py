@@ -10,15 +10,14 @@ field.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .export import as_markdown as as_markdown
-from .export import write_text
-from .intervals import interval_rank as interval_rank
+from .export import as_markdown, write_text
 from .intervals import legend, mean_interval, mean_text, median_text, share_text, units
 from .observations import QUESTION, clusters, failures_told, independent, judged, numbers, planned, problems, reasons
 from .varied_settings import is_setting
@@ -237,7 +236,5 @@ def _span(values: np.ndarray) -> str:
 
 def _shares(words: Sequence[str]) -> str:
     """`left 3, right 7`, most frequent first."""
-    from collections import Counter
-
     counts = Counter(str(word)[:40] for word in words if str(word))
     return ", ".join(f"{word} {count}" for word, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])))

@@ -18,17 +18,26 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rhs.api.files import replacing, write_whole
+import numpy as np
+
+from rhs.api.files import write_whole
+from rhs.api.geometry import align, inverse, orthonormal, planar, se3
 from rhs.base.commands import INTERRUPTED, Arguments, answered, check_regular
 from rhs.base.errors import ConfigError, RhsError
+from rhs.metrics.accuracy import pair
+from rhs.metrics.survey import TOLERANCE_S, scale_known
 from rhs.plots import new_figure, save
 from rhs.runfolder.row import CHOICES, read_row
 from rhs.runfolder.run import Run
 
-from .charts import bars, errors_over_time, stage_times
-from .drawing import draw_run, json_of, title, unit_of
+from .charts import bars, blame_picture, errors_by_axis, errors_over_time, stage_times
+from .drawing import draw_run, title, unit_of
+from .export import write_text
+from .html import RUN, SWEEP
+from .observations import judged, reasons
 from .patrol_story import patrol_story
-from .summary import notes_of
+from .summary import listing, notes_of, short, shown, summarise
+from .table import some_rows, tell_unreadable
 from .video import video
 from .ways import ways
 
@@ -39,6 +48,7 @@ if TYPE_CHECKING:
 LARGEST_VIDEO_BYTES = 30 << 20
 MOST_WORST = 6  # runs whose pictures stand in the report of a sweep
 TITLE_CHARACTERS = 130  # of a line over a picture
+DIGITS = 6  # of a stamp: trajectories are written with nine, steps.csv as the view has it
 
 
 def pictures(folder: Path) -> list[Path]:
@@ -48,15 +58,13 @@ def pictures(folder: Path) -> list[Path]:
 
 def drawings(folder: Path) -> list[Callable[[], Path | None]]:
     """What draws each of them."""
-    from .blame_picture import blame_picture
     from .calibration_pictures import calibration_picture, precision_recall_picture
     from .planning_pictures import plan_picture
 
-    folder = Path(folder)
     of_file = {"plan.json": plan_picture, "precision_recall.csv": precision_recall_picture, "blame.json": blame_picture}
     made: list[Callable[[Path], Path | None]] = [draw for name, draw in of_file.items() if (folder / name).exists()]
     if (folder / "steps.csv").exists():
-        row = json_of(folder / "row.json") or {}
+        row = Run(folder).json("row") or {}
         asked = row.get("kidnaps") or row.get("starts")
         made += [overview, motion, *([calibration_picture] if asked else [])]
     return [partial(draw, folder) for draw in made]
@@ -65,77 +73,84 @@ def drawings(folder: Path) -> list[Callable[[], Path | None]]:
 def overview(folder: Path) -> Path:
     """overview.png: the map, the true walls, those a monocular odometry found, the survey as driven, believed and corrected,
     the patrol, the places."""
-    folder = Path(folder)
-    figure = new_figure(10.5, 8.0)
+    run, figure = Run(folder), new_figure(10.5, 8.0)
     axes = figure.add_subplot()
-    draw_run(axes, folder)
-    lines = title(json_of(folder / "row.json") or {}).splitlines()
+    draw_run(axes, run)
+    lines = title(run.json("row") or {}).splitlines()
     figure.suptitle("\n".join(part for line in lines for part in textwrap.wrap(line, TITLE_CHARACTERS)), fontsize=10)
     if axes.get_legend_handles_labels()[1]:
         figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    return write_whole(folder / "overview.png", lambda path: save(figure, path))
+    return write_whole(run.folder / "overview.png", lambda path: save(figure, path))
 
 
 def motion(folder: Path) -> Path | None:
     """motion.png: the error of the belief in x, y and heading, view by view, with its band; None where nobody knows the
     truth."""
-    import numpy as np
-
-    from .charts import errors_by_axis
-    from .frames import DIGITS, truth_in_map
-
-    folder = Path(folder)
-    if not (folder / "steps.csv").exists():
-        return None
-    rows = Run(folder).steps
+    run = Run(folder)
+    rows = run.steps
     names = ("x_m", "y_m", "yaw_rad", "sigma_x_m", "sigma_y_m", "sigma_yaw_rad", "true_x_m", "true_y_m", "true_yaw_rad")
     steps = {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
     steps["trusted"] = np.array([row["motion_status"] == "ok" for row in rows], bool)
     steps["patrol"] = np.array([row["phase"] == "patrol" for row in rows], bool)
     # the truth of task=localise stands in the frame of its map already
-    recorded = not any((folder / name).exists() for name in ("true_map.yaml", "truth_localised.tum"))
+    recorded = not any((run.folder / name).exists() for name in ("true_map.yaml", "truth_localised.tum"))
     if recorded:
-        laid = truth_in_map(Run(folder))
+        laid = truth_in_map(run)
         true = np.array([laid.get(round(float(row["stamp_s"]), DIGITS), np.full(3, np.nan)) for row in rows]).reshape(-1, 3)
         steps |= dict(zip(("true_x_m", "true_y_m", "true_yaw_rad"), true.T, strict=True))
-    row = json_of(folder / "row.json") or {}
+    row = run.json("row") or {}
     figure = errors_by_axis(steps, unit_of(row)) if rows else None
     if figure is None:
         return None
     moved = "by a rigid motion" if unit_of(row) == "m" else "by a similarity"
     note = f"\n(the truth is laid onto the belief {moved}, as for the ATE)" if recorded else ""
     figure.suptitle(f"{title(row)}{note}", fontsize=10)
-    return write_whole(folder / "motion.png", lambda path: save(figure, path))
+    return write_whole(run.folder / "motion.png", lambda path: save(figure, path))
+
+
+def truth_in_map(run: Run) -> dict[float, np.ndarray]:
+    """Stamp of a view, rounded to DIGITS -> (3,) true x, y, yaw, laid onto the survey as it was believed: positions by a
+    rigid motion as for the ATE (Umeyama 1991), with a scale where the belief has none, headings by the mean turn that is
+    left between the two bodies. Empty without a truth."""
+    estimate, truth = run.trajectory("estimate"), run.trajectory("truth_survey")
+    if estimate is None or truth is None:
+        return {}
+    both = pair(estimate, truth, TOLERANCE_S)
+    if len(both.truth) < 3:
+        return {}
+    unknown = scale_known(run.steps) == 0.0
+    map_from_truth, scale = align(both.truth.positions_m, both.estimate.positions_m, with_scale=unknown)
+    laid = both.truth.poses.copy()
+    laid[:, :3, 3] *= scale
+    laid = map_from_truth @ laid
+    turns = inverse(laid)[:, :3, :3] @ both.estimate.poses[:, :3, :3]
+    body = orthonormal(se3(turns.mean(axis=0), np.zeros(3)))
+    stamps = (round(float(stamp), DIGITS) for stamp in both.estimate.stamps_s)
+    return {stamp: planar(pose @ body) for stamp, pose in zip(stamps, laid, strict=True)}
 
 
 def html(folder: Path) -> Path:
     """report.html of one run: numbers, pictures, missions, settings; the video too when it is there and not large."""
     import pandas as pd
 
-    folder = Path(folder)
     row = read_row(folder / "row.json")
     steps = pd.read_csv(folder / "steps.csv") if (folder / "steps.csv").exists() else None
-    pictures = [(path.stem, embed(path)) for path in sorted((folder / "places").glob("*.png"))]
-    pictures = [] if (folder / "changes.json").exists() else pictures
     overview_png = folder / "overview.png" if (folder / "overview.png").exists() else overview(folder)
-    story = None if json_of(folder / "changes.json") is None else patrol_story(folder, row)
-    page = _page("run").render(
-        story=story,
-        title=title(row).splitlines()[0] or folder.name, row=_shown(row), overview=embed(overview_png), places=pictures,
-        charts=_pictures(folder, steps), missions=json_of(folder / "missions.json") or [],
-        config=_text(folder / "config.yaml"), video="" if story else _video(folder))
-    return _write(folder / "report.html", page)
+    story = patrol_story(folder, row) if (folder / "changes.json").exists() else None
+    taken = () if story else sorted((folder / "places").glob("*.png"))
+    page = template(RUN).render(
+        story=story, title=title(row).splitlines()[0] or folder.name, row=_shown(row), overview=embed(overview_png),
+        places=[(path.stem, embed(path)) for path in taken], charts=_pictures(folder, steps),
+        missions=Run(folder).json("missions") or [], config=_text(folder / "config.yaml"),
+        video="" if story else _video(folder))
+    return _written(folder, page)
 
 
 def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
     """report.html of a folder of runs: bars per group, their ways over one another, the summary, the worst, and every run.
 
     A row.json that cannot be read is reported into `unreadable` and on the page; without that list it raises RhsError."""
-    from .observations import judged
-    from .summary import listing, shown, summarise
-    from .table import some_rows
-
-    folder, left_out = Path(folder), [] if unreadable is None else unreadable
+    left_out = [] if unreadable is None else unreadable
     table = some_rows([folder], left_out)
     if unreadable is None and left_out:
         raise RhsError(left_out[0])
@@ -146,18 +161,16 @@ def sweep(folder: Path, unreadable: list[str] | None = None) -> Path:
     charts += [figure for figure in [ways(table, group)] if figure is not None]
     runs = listing(table, [])
     runs["run"] = [Path(name).relative_to(folder).as_posix() for name in runs["run"]]
-    page = _page("sweep").render(title=folder.name, runs=_cells(runs), summary=_cells(summary),
-                                 charts=[embed_figure(figure) for figure in charts], unreadable=left_out,
-                                 notes=notes_of(summary), worst=[(run.relative_to(folder).as_posix(), why, picture)
-                                                                 for run, why, picture in shown_worst if picture])
-    return _write(folder / "report.html", page)
+    page = template(SWEEP).render(title=folder.name, runs=_cells(runs), summary=_cells(summary),
+                                  charts=[embed_figure(figure) for figure in charts], unreadable=left_out,
+                                  notes=notes_of(summary), worst=[(run.relative_to(folder).as_posix(), why, picture)
+                                                                  for run, why, picture in shown_worst if picture])
+    return _written(folder, page)
 
 
 def worst(table: pandas.DataFrame, most: int = MOST_WORST) -> list[tuple[str, str]]:
     """(folder, why) of runs that did not do what was asked, at most so many and as different as they are: one of each
     reason, the most frequent first, then a second of each."""
-    from .observations import reasons
-
     why = {str(run): reason for run, reason in zip(table.index, reasons(table), strict=True) if reason}
     often, told = Counter(why.values()), Counter[str]()
     turn = {run: told.update([reason]) or told[reason] for run, reason in why.items()}
@@ -205,8 +218,6 @@ def _shown(row: dict[str, object]) -> list[tuple[str, str]]:
 
 
 def _cells(view: Any) -> dict[str, list]:
-    from .summary import short
-
     return {"names": [str(name) for name in view.columns],
             "rows": [[short(value) for value in row] for row in view.itertuples(index=False, name=None)]}
 
@@ -220,18 +231,15 @@ def _video(folder: Path) -> str:
     return embed(path) if path.exists() and path.stat().st_size <= LARGEST_VIDEO_BYTES else ""
 
 
-def _page(name: str) -> Any:
-    """A template in which every value is escaped."""
-    from jinja2 import DictLoader, Environment
+def template(text: str) -> Any:
+    """A page in which every value is escaped."""
+    from jinja2 import Environment
 
-    from .html import TEMPLATES
-
-    return Environment(loader=DictLoader(TEMPLATES), autoescape=True).get_template(name)
+    return Environment(autoescape=True).from_string(text)
 
 
-def _write(path: Path, page: str) -> Path:
-    with replacing(path) as file:
-        file.write(page)
+def _written(folder: Path, page: str) -> Path:
+    write_text(path := folder / "report.html", page)
     return path
 
 
@@ -244,8 +252,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--video", action="store_true", help="also make video.webm (needs recording=full)")
 
     def work() -> int:
-        from .table import tell_unreadable
-
         chosen, codes = parser.parse_args(arguments), []  # type: ignore[var-annotated]
         for folder in chosen.folders:
             unreadable: list[str] = []

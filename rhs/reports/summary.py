@@ -8,7 +8,9 @@ rhs.reports.intervals.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +19,7 @@ from rhs.base.commands import aligned, plain
 from rhs.base.errors import ConfigError
 from rhs.config.dictionary import added
 from rhs.metrics.blame import LINKS, column
+from rhs.metrics.threshold import LEAST_SEEDS, between_seeds, dial_between, fit, in_words
 from rhs.runfolder.row import CHOICES, KEYS
 
 from .intervals import legend, mean_text, median_text, share_text
@@ -34,6 +37,7 @@ SHOWN_OF = {  # of these tasks others
     "localise": ("found_share", "found_m", "belief_right_share", "belief_sure_share", "belief_wrong_sure_share",
                  "belief_ece", "belief_lost_share", "localise_rmse_m", "map_size_ratio", "localise_ms", "real_time_factor")}
 SCORES = ("success", "spl", "par2_ms", "bucket")
+LEAST_LEVELS = 4  # of a setting at which runs succeed or fail
 
 
 def shown(table: pandas.DataFrame) -> list[str]:
@@ -100,6 +104,46 @@ def _notes(table: pandas.DataFrame, view: pandas.DataFrame) -> list[str]:
     return [*notes, failures_told(table)]
 
 
+def thresholds(table: pandas.DataFrame) -> list[str]:
+    """The break points that a plain sweep shows (rhs.metrics.threshold): a line for each numeric setting that the runs vary
+    over four levels and more, and each combination of parts in which some succeeded and some failed."""
+    import pandas as pd
+
+    lines = []
+    settings = [name for name in table.columns if "." in name and pd.api.types.is_numeric_dtype(table[name])
+                and not pd.api.types.is_bool_dtype(table[name]) and table[name].nunique() >= LEAST_LEVELS]
+    for setting in settings:
+        known = table[table[setting].notna() & table["success"].notna()]
+        dial = dial_between(setting, float(known[setting].min()), float(known[setting].max()))
+        for name, part in _combinations(known, setting):
+            success = part["success"].astype(float) == 1.0
+            if success.nunique() == 2:
+                levels, seeds = [dial.level(float(value)) for value in part[setting]], list(part["seed"])
+                found, runs = fit(levels, list(success)).summary(), f"{len(seeds)} runs"
+                if len(set(seeds)) < len(seeds):
+                    low, high = between_seeds(levels, list(success), seeds)
+                    found, runs = replace(found, low=low, high=high), f"{runs} of {_counted(seeds)}"
+                lines.append(f"{name}{setting}: {in_words(found, dial)} ({runs})")
+    return lines
+
+
+def _counted(seeds: Sequence[int]) -> str:
+    """How many seeds, and whether they are too few for an interval."""
+    count = len(set(seeds))
+    return f"{count} seed{'s' * (count > 1)}" + (", too few for an interval" if count < LEAST_SEEDS else "")
+
+
+def _combinations(table: pandas.DataFrame, setting: str) -> Iterator[tuple[str, pandas.DataFrame]]:
+    """The rows of each combination of parts, worlds and other settings; seeds together."""
+    keys = [name for name in table.columns if (name in CHOICES or "." in name) and name != setting
+            and table[name].nunique(dropna=False) > 1]
+    if not keys:
+        yield "", table
+        return
+    for values, part in table.groupby(keys, dropna=False, sort=True):
+        yield f"{' '.join(map(str, values))}: ", part
+
+
 def listing(table: pandas.DataFrame, columns: Sequence[str]) -> pandas.DataFrame:
     """Every run with the chosen columns, or with the ones that say most."""
     scored = judged(table)
@@ -114,8 +158,6 @@ def listing(table: pandas.DataFrame, columns: Sequence[str]) -> pandas.DataFrame
 
 def check_columns(table: pandas.DataFrame, names: Sequence[str]) -> None:
     """Refuse a column that the table lacks, with those it has that look alike."""
-    from difflib import get_close_matches
-
     for name in names:
         if name not in table.columns:
             near = get_close_matches(name, list(table.columns), n=3)

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from rhs.base.commands import check_regular
 from rhs.base.errors import RhsError
 from rhs.config.compose import OUTPUTS
@@ -46,8 +48,6 @@ def is_setting(column: str) -> bool:
 
 def settings_of(folder: Path | str) -> dict[str, object]:
     """The whole configuration of a run as {dotted key: value}, but where its results go; empty when it cannot be read."""
-    import yaml
-
     path = Path(folder) / "config.yaml"
     try:
         check_regular(path)

@@ -11,8 +11,9 @@ from rhs.api.files import write_whole
 from rhs.api.grid import OccupancyGrid
 from rhs.base.errors import RhsError
 from rhs.recording.reader import RecordedView, read
+from rhs.runfolder.run import Run
 
-from .drawing import COLOURS, grid_of, json_of
+from .drawing import COLOURS
 
 HEIGHT_PX = 360
 FRAMES_PER_S = 10.0
@@ -20,7 +21,6 @@ FRAMES_PER_S = 10.0
 
 def video(folder: Path) -> Path:
     """Make video.webm of a run folder from its run.mcap. Raises RhsError when it cannot be made."""
-    folder = Path(folder)
     if not (folder / "run.mcap").exists():
         raise RhsError(f"{folder} has no run.mcap; run with recording=full to make a video")
     return write_whole(folder / "video.webm", lambda path: _film(folder, path))
@@ -63,15 +63,15 @@ class Board:
     """The map at the left, drawn on step by step, and the camera's picture at the right. Images are BGR."""
 
     def __init__(self, folder: Path):
-        self._final = grid_of(folder / "map.yaml")
-        true = grid_of(folder / "true_map.yaml")
+        run = Run(folder)
+        self._final, true = run.grid("map"), run.grid("true_map")
         frame = self._final or true or OccupancyGrid(np.full((200, 200), np.nan, np.float32), 0.1, (-10.0, -10.0))
         self._frame, self._true = frame, true
         self._scale = HEIGHT_PX / max(frame.shape)
         self._canvas = self._blank(None)
         self._phase = "survey"
         self._last: dict[str, tuple[int, int]] = {}
-        self._places = (json_of(folder / "facts.json") or {}).get("places", ())
+        self._places = (run.json("facts") or {}).get("places", ())
 
     def frame(self, view: RecordedView) -> np.ndarray:
         """(HEIGHT_PX, even width, 3) uint8."""

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rhs.api.errors import RhsError
-from rhs.api.trajectory import Trajectory, aligned, read_tum
-from rhs.metrics.accuracy import pair
+from rhs.api.trajectory import Trajectory, read_tum
 from rhs.plots import new_figure
 from rhs.worlds.random.names import building_of
 
-from .drawing import COLOURS, PAIRED_S, broken_at_leaps
+from .drawing import COLOURS, broken_at_leaps, laid_onto
 
 if TYPE_CHECKING:
     import pandas
@@ -46,16 +45,13 @@ def ways(table: pandas.DataFrame, group: Sequence[str]) -> Figure | None:
         axes = figure.add_subplot(lines, columns, place + 1)
         seeds = len({row.get("seed") for _, row in runs}) > 1
         names = [name for name in group if name != "world"] + (["seed"] if seeds else [])
-        _panel(axes, [(folder, row, " · ".join(_word(row, name) for name in names)) for folder, row in runs[:LINES]])
+        _panel(axes, [(folder, row, " · ".join(f"seed {row[name]}" if name == "seed" else str(row[name]) for name in names))
+                      for folder, row in runs[:LINES]])
         left = f", {LINES} of {len(runs)} runs" if len(runs) > LINES else ""
         axes.set_title(f"{where}{left}", fontsize=9)
     if len(shared) > PANELS:
         figure.suptitle(f"{PANELS} of {len(shared)} recordings or buildings", fontsize=9)
     return figure
-
-
-def _word(row: Any, name: str) -> str:
-    return f"seed {row[name]}" if name == "seed" else str(row[name])
 
 
 def _panel(axes: Axes, runs: Sequence[tuple[Path, Any, str]]) -> None:
@@ -65,7 +61,7 @@ def _panel(axes: Axes, runs: Sequence[tuple[Path, Any, str]]) -> None:
     lines = [] if truth is None else [(truth, "true", true)]
     for folder, row, label in runs:
         if (way := _settled(folder)) is not None:
-            laid = way if truth is None else _laid(way, truth, str(row.get("ate_alignment") or "none"))
+            laid = way if truth is None else laid_onto(way, truth, str(row.get("ate_alignment") or "none"))
             lines.append((laid, label, {"linewidth": 1.1}))
     across, up = sorted(np.argsort(-np.ptp(lines[0][0].positions_m, axis=0), kind="stable")[:2])
     for way, label, style in lines:
@@ -76,12 +72,6 @@ def _panel(axes: Axes, runs: Sequence[tuple[Path, Any, str]]) -> None:
     axes.set_ylabel(f"{'xyz'[up]} [m]", fontsize=8)
     axes.tick_params(labelsize=7)
     axes.legend(fontsize=7, frameon=False)
-
-
-def _laid(way: Trajectory, truth: Trajectory, how: str) -> Trajectory:
-    """The poses of the way that have a true one, moved onto it as for the ATE."""
-    both = pair(way, truth, PAIRED_S)
-    return aligned(both.estimate, both.truth, how)
 
 
 def _settled(folder: Path) -> Trajectory | None:

@@ -46,28 +46,11 @@ Tell = Callable[[str, str], None]  # name of a run, how it ended
 
 
 @dataclass(frozen=True)
-class Try:
-    """A run of a search and the level of the dial that it is at."""
-
-    search: Search
-    level: float
-    job: Job
-
-
-@dataclass(frozen=True)
 class Atlas:
     """cells: (combination, dial's word, its plan of one search), combinations slowest."""
 
     cells: tuple[tuple[str, str, Plan], ...]
     runs: int
-
-    @property
-    def combinations(self) -> list[str]:
-        return list(dict.fromkeys(name for name, _, _ in self.cells))
-
-    @property
-    def dials(self) -> list[str]:
-        return list(dict.fromkeys(word for _, word, _ in self.cells))
 
 
 def read_atlas(path: Path, runs: int = 0) -> Atlas:
@@ -127,10 +110,11 @@ def run_atlas(atlas: Atlas, folder: Path, limits: Limits, *, tell: Tell) -> None
     try:
         while any(seeds):
             at_once = max(1, math.ceil(limits.jobs / sum(map(bool, seeds))))
-            batch = [one for (found, search), left in zip(searches, seeds, strict=True)
+            batch = [(search, *one) for (found, search), left in zip(searches, seeds, strict=True)
                      for one in _next(found, search, left, at_once)]
-            for one, row in zip(batch, _run([one.job for one in batch], folder, limits, tell, keeper), strict=True):
-                learn(one.search, one.level, row, str(folder / one.job.name))
+            rows = _run([job for _, _, job in batch], folder, limits, tell, keeper)
+            for (search, level, job), row in zip(batch, rows, strict=True):
+                learn(search, level, row, str(folder / job.name))
     finally:
         keeper.close()
 
@@ -153,13 +137,13 @@ def _recalled(found: Plan, search: Search, known: Sequence[Line], runs: int, tel
     return left
 
 
-def _next(found: Plan, search: Search, left: list[int], at_once: int) -> Iterator[Try]:
-    """The next runs of a search; their seeds are left no more."""
+def _next(found: Plan, search: Search, left: list[int], at_once: int) -> Iterator[tuple[float, Job]]:
+    """The next runs of a search and the levels of the dial that they are at; their seeds are left no more."""
     now, left[:] = left[:at_once], left[at_once:]
     for seed, level in zip(now, search.known.next_levels(len(now)), strict=True):
         value, job = next_job(found, search, level, seed)
         varied = {**job.varied, found.dial.key: value, "atlas": key_of(found, search), "atlas_seed": seed}
-        yield Try(search, found.dial.level(value), replace(job, varied=varied))
+        yield found.dial.level(value), replace(job, varied=varied)
 
 
 def _run(jobs: Sequence[Job], folder: Path, limits: Limits, tell: Tell, keeper: Keeper) -> list[Row]:
@@ -180,7 +164,7 @@ def _run(jobs: Sequence[Job], folder: Path, limits: Limits, tell: Tell, keeper: 
 def accounts(atlas: Atlas) -> list[dict[str, Any]]:
     """What is known of each search, in the order of the cells."""
     return [account(found.searches[0], found.dial) | {"combination": name, "ends": [found.dial.low, found.dial.high]}
-            for name, _, found in atlas.cells if found.searches[0].tried]
+            for name, _, found in atlas.cells if found.searches[0].known.tried]
 
 
 def csv_of(results: Sequence[Mapping[str, Any]]) -> str:

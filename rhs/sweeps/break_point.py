@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -29,12 +29,11 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 @dataclass
 class Search:
-    """One combination of parts under the dial: what was tried and what is known."""
+    """One combination of parts under the dial, and what is known of it."""
 
     name: str
     words: list[Word]
     known: Posterior = field(default_factory=Posterior)
-    tried: list[tuple[float, bool]] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
     refused: list[tuple[float, str]] = field(default_factory=list)  # level and why
 
@@ -114,21 +113,16 @@ def _is_whole(config: RunConfig, key: str) -> bool:
 
 def run_plan(found: Plan, folder: Path, limits: Limits, *, runs: int, tell: Callable[[Job | str, str], None],
              ) -> list[dict[str, Any]]:
-    """`runs` runs for each combination, so many at a time as there are processes; the account of each."""
+    """`runs` runs for each combination, the same seeds for all, so many at a time as there are processes; their accounts."""
     at_once = max(1, math.ceil(limits.jobs / len(found.searches)))
     for first in range(0, runs, at_once):
-        count = min(at_once, runs - first)
-        batch = [(search, value, job) for search in found.searches for value, job in _jobs(found, search, first, count)]
+        seeds = range(found.first_seed + first, found.first_seed + min(first + at_once, runs))
+        batch = [(search, *next_job(found, search, level, seed)) for search in found.searches
+                 for level, seed in zip(search.known.next_levels(len(seeds)), seeds, strict=True)]
         rows = kept_rows([job for _, _, job in batch], folder, limits, tell=tell)
         for (search, value, job), row in zip(batch, rows, strict=True):
             learn(search, found.dial.level(value), row, str(folder / job.name))
     return [account(search, found.dial) for search in found.searches]
-
-
-def _jobs(found: Plan, search: Search, first: int, count: int) -> Iterator[tuple[float, Job]]:
-    """The next runs of a combination: a value of the dial and the job there; seeds are the same for all combinations."""
-    for number, level in enumerate(search.known.next_levels(count), start=found.first_seed + first):
-        yield next_job(found, search, level, number)
 
 
 def next_job(found: Plan, search: Search, level: float, seed: int) -> tuple[float, Job]:
@@ -149,7 +143,6 @@ def learn(search: Search, level: float, row: Mapping[str, Any], where: str) -> N
     if not isinstance(success, int | float) or math.isnan(success):
         raise RhsError(f"{where}: this task has no success that could break; its rows leave it unknown")
     search.known.learn(level, success == 1.0)
-    search.tried.append((level, success == 1.0))
     if success != 1.0:
         search.reasons.append(str(row.get("failure") or row.get("reason") or ""))
     if row["status"] == "refused":
@@ -158,14 +151,14 @@ def learn(search: Search, level: float, row: Mapping[str, Any], where: str) -> N
 
 def account(search: Search, dial: Dial) -> dict[str, Any]:
     """What is known of one combination, in units of the dial."""
-    known = search.known.summary()
-    why = "" if any(succeeded for _, succeeded in search.tried) else Counter(search.reasons).most_common(1)[0][0]
+    known, tried = search.known.summary(), search.known.tried
+    why = "" if any(succeeded for _, succeeded in tried) else Counter(search.reasons).most_common(1)[0][0]
     if search.refused and not why:
-        why = f"{len(search.refused)} of {len(search.tried)} were refused, not driven{_from(search, dial)}: " \
+        why = f"{len(search.refused)} of {len(tried)} were refused, not driven{_from(search, dial)}: " \
               f"{search.refused[0][1]}"
     return {"combination": search.name, "dial": dial.key, **_in_units(known, dial, why), "withstood": withstood(known),
-            "tried": [[dial.value(level), succeeded] for level, succeeded in search.tried],
-            "levels": [[level, succeeded] for level, succeeded in search.tried]}
+            "tried": [[dial.value(level), succeeded] for level, succeeded in tried],
+            "levels": [[level, succeeded] for level, succeeded in tried]}
 
 
 def _from(search: Search, dial: Dial) -> str:
@@ -173,8 +166,8 @@ def _from(search: Search, dial: Dial) -> str:
     the parts can do. Empty where refused and driven runs lie among one another."""
     low, high = (end(level for level, _ in search.refused) for end in (min, max))
     for beyond, edge, word in ((lambda level: level >= low, low, "more"), (lambda level: level <= high, high, "less")):
-        short = [succeeded for level, succeeded in search.tried if not beyond(level)]
-        if short and len(search.tried) - len(short) == len(search.refused):
+        short = [succeeded for level, succeeded in search.known.tried if not beyond(level)]
+        if short and len(search.known.tried) - len(short) == len(search.refused):
             return (f", all at {dial.text(edge)} and {word}, where the dial ends, {sum(short)} of {len(short)} "
                     "others succeeded")
     return ""

@@ -24,7 +24,8 @@ from rhs.base.errors import ConfigError
 from rhs.config import registry
 from rhs.config.compose import Composer, RunConfig, to_plain
 from rhs.config.overrides import Word, parse, plain_words, sweep_words, swept_keys
-from rhs.reports.intervals import LEAST, reach, units
+from rhs.metrics.shares import half_width
+from rhs.reports.intervals import LEAST, units
 from rhs.runfolder.row import machine_dependent, number_in
 from rhs.worlds.random.names import building_of
 
@@ -179,7 +180,7 @@ def changes_of(kind: str, config: RunConfig, only: Sequence[str] = ()) -> tuple[
             left_out[key] = "is 0, which has no double"
             continue
         for factor in FACTORS:
-            value, why = _valid(type(now), values, path, before * factor, kind)
+            value, why = _valid(type(now), values, path, before * factor, kind, whole=isinstance(before, int))
             if why or value == before:
                 left_out[key] = why or "is at the end of its range, or too small a whole number"
             else:
@@ -204,9 +205,9 @@ def numbers(values: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[
             yield (*above, key), value
 
 
-def _valid(cls: type, values: Mapping[str, Any], path: tuple[str, ...], target: float, kind: str) -> tuple[float, str]:
+def _valid(cls: type, values: Mapping[str, Any], path: tuple[str, ...], target: float, kind: str, *, whole: bool,
+           ) -> tuple[float, str]:
     """The target, rounded as its type is, or the end of the allowed range next to it; and why it cannot be tried, if so."""
-    whole = isinstance(_at(values, path), int)
     value = round(target) if whole else float(f"{target:.4g}")
     for _ in range(2):
         try:
@@ -219,12 +220,6 @@ def _valid(cls: type, values: Mapping[str, Any], path: tuple[str, ...], target: 
             value = min(max(value, float(said[1])), float(said[2]))
             value = round(value) if whole else value
     return value, f"cannot be {target:g}"
-
-
-def _at(values: Mapping[str, Any], path: Sequence[str]) -> Any:
-    for key in path:
-        values = values[key]
-    return values
 
 
 def _with(values: Mapping[str, Any], path: Sequence[str], value: float) -> dict[str, Any]:
@@ -290,7 +285,7 @@ def _effect(change: Change, measure: str, where: Sequence[str], before: Sequence
     known = (old > 0.0) & (new > 0.0)
     several = len(set(where)) > 1  # in one building runs with other seeds are what there is to compare
     logs = units(np.log(new[known] / old[known]), np.array(where)[known] if several else None)
-    mean, half = float(logs.mean()) if len(logs) else math.nan, _half_width(logs)
+    mean, half = float(logs.mean()) if len(logs) else math.nan, half_width(logs) if len(logs) >= LEAST else math.nan
     done_before, done_after = ([row.get("success") == 1.0 for row in rows] for rows in (before, after))
     won = [a - b for a, b in zip(done_after, done_before, strict=True)]
     fails = _fails(sum(done_before), sum(done_after), len(before))
@@ -305,11 +300,6 @@ def _fails(before: int, after: int, runs: int) -> bool:
 
     table = [[before, after], [runs - before, runs - after]]
     return after < before and bool(boschloo_exact(table, alternative="greater").pvalue < CHANCE)
-
-
-def _half_width(values: np.ndarray) -> float:
-    """Of Student's 95 % interval of the mean; NaN for fewer than three values."""
-    return reach(len(values)) * float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) >= LEAST else math.nan
 
 
 def _value(row: Row, measure: str) -> float:

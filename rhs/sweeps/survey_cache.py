@@ -18,7 +18,7 @@ import sys
 import sysconfig
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +77,8 @@ def key_of(config: RunConfig, building: World | None) -> str | None:
     if values is None or any(origin.file for origin in _origins(config, later=False)):
         return None
     read = b"" if building is None or is_random(config.world) else pickle.dumps(replace(building, path=Path()))
-    known = [values, versions(), _installed(), str(HERE), sorted(_stamps(values)), hashlib.sha256(read).hexdigest()]
+    installed = sorted({path.name for folder in sys.path if folder for path in Path(folder).glob("*.dist-info")})
+    known = [values, versions(), installed, str(HERE), sorted(_stamps(values)), hashlib.sha256(read).hexdigest()]
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:32]
 
 
@@ -156,22 +157,14 @@ def code_of(config: RunConfig) -> Iterator[tuple[str, int, int]]:
                 yield (file, *_stamp(path))
 
 
-@dataclass(frozen=True)
-class Kept:
-    """count: surveys. size_mb: of all."""
-
-    count: int
-    size_mb: float
-
-
-def kept() -> Kept:
-    """What the folder holds."""
+def kept() -> tuple[int, float]:
+    """How many surveys the folder holds, and MB of all."""
     sizes = [size for _, size, _ in _files()]
-    return Kept(len(sizes), 1e-6 * sum(sizes))
+    return len(sizes), 1e-6 * sum(sizes)
 
 
-def clear(most_mb: float = 0.0) -> Kept:
-    """Delete those that were used longest ago until no more is left than this. What was deleted."""
+def clear(most_mb: float = 0.0) -> tuple[int, float]:
+    """Delete those that were used longest ago until no more is left than this. How many were deleted, and MB of all."""
     gone, files = [], sorted(_files())
     left = sum(size for _, size, _ in files)
     for _, size, path in files:
@@ -181,7 +174,7 @@ def clear(most_mb: float = 0.0) -> Kept:
             path.unlink()
             gone.append(size)
         left -= size
-    return Kept(len(gone), 1e-6 * sum(gone))
+    return len(gone), 1e-6 * sum(gone)
 
 
 def _files() -> list[tuple[float, int, Path]]:
@@ -199,11 +192,6 @@ def _origins(config: RunConfig, *, later: bool) -> list[registry.Origin]:
 
     chosen = {"task": config.task.name, **{kind: one.name for kind, one in config.parts.items()}}
     return [origin for kind, name in chosen.items() if (kind in LATER) is later for origin in registry.origins(kind, name)]
-
-
-def _installed() -> list[str]:
-    """Every distribution with its version, by the names of their folders."""
-    return sorted({path.name for folder in sys.path if folder for path in Path(folder).glob("*.dist-info")})
 
 
 def _stamps(value: Any) -> Iterator[tuple[str, int, int]]:

@@ -128,14 +128,9 @@ def job_of(config: RunConfig, combination: Sequence[Word], swept: Sequence[str])
     told = ",".join(last.values())
     readable = re.sub(r"[^A-Za-z0-9._=,+-]", "-", told).strip(".-")[:60]
     name = f"{readable}_{config_hash(config)}" if readable else config_hash(config)
-    varied = {word.key: _cell(word.value) for word in combination if word.key in swept and not word.is_group
-              and word.key not in ("world", "seed")}
+    varied = {word.key: word.value if isinstance(word.value, bool | int | float | str | None) else str(word.value)
+              for word in combination if word.key in swept and not word.is_group and word.key not in ("world", "seed")}
     return Job(name, config, tuple(word.text for word in combination), varied)
-
-
-def _cell(value: Any) -> Any:
-    """A value as a column of the table holds it."""
-    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
 
 
 def remember(plan: Plan, folder: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from rhs.api.geometry import exp_se3, inverse, log_se3, planar, se2
 from rhs.api.records import Belief, BeliefStatus, FeatureSettings, Motion, Observation, Tracking, View
 from rhs.api.validate import check_belief
 
+from .odometry import OVERSURE, PLANE
 from .room import RATE_HZ, blind, context, drive, empty_grid, for_part
 from .shared_state import untouched
 
@@ -25,8 +26,6 @@ FINE = np.diag([1e-3] * 6) ** 2
 LOST = Motion(np.eye(4), np.diag([0.1] * 6), Tracking.LOST, "nothing to see")
 FOLLOWS_M, FOLLOWS_RAD = 0.05, 0.05  # with nothing but exact motions to go by
 RIGHT_M, RIGHT_RAD = 0.3, 0.15  # while it says that it tracks
-OVERSURE = 100.0  # mean normalised squared error per dimension: sigmas ten times too small
-PLANE = [0, 1, 5]
 
 
 @cache
@@ -61,10 +60,10 @@ def patrol() -> tuple[Seen, ...]:
     return tuple(out)
 
 
-def in_the_dark(motions: Sequence[np.ndarray], covariance: np.ndarray = FINE) -> list[Seen]:
+def in_the_dark(motions: Sequence[np.ndarray]) -> list[Seen]:
     """Views with nothing in them, and these motions (4x4): there is nothing else to go by."""
     view = drive()[0][1]
-    return [(blind(view, k), freeze(Motion(motion, covariance.copy(), Tracking.OK))) for k, motion in enumerate(motions)]
+    return [(blind(view, k), freeze(Motion(motion, FINE.copy(), Tracking.OK))) for k, motion in enumerate(motions)]
 
 
 def hard() -> list[Seen]:
@@ -103,9 +102,7 @@ def every_belief_is_one(settings: Any, folder: Path) -> None:
 def begins_where_it_is_told_and_follows_the_motion(settings: Any, folder: Path) -> None:
     """To the last view: with nothing to see there is nothing else to believe in."""
     pose, motions = drive()[0][0], [np.eye(4), *[se2(0.12, 0.0, 0.08)] * 8, *[se2(0.15, 0.0, -0.02)] * 4]
-    truth = pose
-    for motion in motions:
-        truth = truth @ motion
+    truth = reduce(np.matmul, motions, pose)
     said = _beliefs(settings, folder, in_the_dark(motions), _start())[-1].map_from_body
     off, turned = np.linalg.norm(said[:3, 3] - truth[:3, 3]), abs(log_se3(inverse(truth) @ said)[5])
     assert off < FOLLOWS_M and turned < FOLLOWS_RAD, (

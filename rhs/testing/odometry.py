@@ -68,9 +68,7 @@ def _wrong(motions: list[Motion], truth: list[np.ndarray]) -> str:
     sure = [k for k in range(1, len(truth)) if motions[k].status is Tracking.OK]
     if len(sure) < len(truth) // 2:
         return f"only {len(sure)} of {len(truth) - 1} motions are ok"
-    said = np.eye(4)
-    for motion in motions:
-        said = said @ motion.previous_from_body
+    said = reduce(np.matmul, [motion.previous_from_body for motion in motions])
     true = inverse(truth[0]) @ truth[-1]
     if _misses(said, true):
         fits = [f"; it would fit if {name}" for name, other in _mistaken(motions).items() if not _misses(other, true)]

@@ -17,7 +17,7 @@ from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE, camera_numbers
 from rhs.api.validate import check_observation
 
 from .room import CAMERA, HALL, RATE_HZ, SHORT, cloud_of, context, drive, paintings, ranges, scan_of, see
-from .shared_state import untouched
+from .shared_state import same, untouched
 
 NEAR_THE_LEFT_WALL = replace(HALL, start=(0.8, 1.5, 0.35))
 DEPTH_SHARE, RANGE_SHARE, RANGE_M = 0.1, 0.1, 0.05
@@ -144,15 +144,9 @@ def same_seed_same_observations_whoever_else_is_built(settings: Any, folder: Pat
         other.sense(capture)
         b = part.sense(capture)
         for name in ("image", "depth", "wheel"):
-            assert _same(getattr(a, name), getattr(b, name)), f"two builds with one seed differ in {name}"
+            assert same(getattr(a, name), getattr(b, name)), f"two builds with one seed differ in {name}"
         assert (a.scan is None) == (b.scan is None)
-        assert a.scan is None or _same(a.scan.ranges_m, b.scan.ranges_m), "two builds with one seed differ in the scan"
-
-
-def _same(a: np.ndarray | None, b: np.ndarray | None) -> bool:
-    if a is None or b is None:
-        return a is b
-    return np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+        assert a.scan is None or same(a.scan.ranges_m, b.scan.ranges_m), "two builds with one seed differ in the scan"
 
 
 SENSOR = (reports_every_view_as_its_own, keeps_what_it_promises, the_image_is_the_view,

@@ -10,11 +10,9 @@ import numpy as np
 from rhs.api.contracts import SLAM, complete
 from rhs.api.validate import check_belief, check_grid, check_poses
 
-from .odometry import ODOMETRY
+from .odometry import ODOMETRY, WRONG_SHARE
 from .room import HALL, context, drive, for_part
 from .shared_state import untouched
-
-WRONG_SHARE = 1.0 / 3.0  # of the way: a belief further off is in another frame
 
 
 def knows_where_it_is_and_was_and_what_is_there(settings: Any, folder: Path) -> None:

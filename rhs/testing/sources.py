@@ -3,6 +3,7 @@ plays back is asked for its first views, if it has any without a file being name
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from rhs.api.validate import check_capture, check_pose
 from rhs.api.validate_source import check_camera, check_clearance, check_facts, check_provides
 from rhs.worlds.world import load_world
 
-from .shared_state import untouched
+from .shared_state import same, untouched
 
 WORLD = "square_small"
 LEADS = 4
@@ -57,7 +58,7 @@ def hands_out_views_of_its_camera(settings: Any, folder: Path) -> None:
         source = _source(settings, folder)
         if source is None:
             return
-        try:
+        with closing(source):
             views = _led(source, 1)
             first = None if not views or views[0][0].image is None else np.array(views[0][0].image)
             views += _led(source, LEADS - 1, views[-1][0].stamp_s if views else -np.inf)
@@ -65,8 +66,6 @@ def hands_out_views_of_its_camera(settings: Any, folder: Path) -> None:
             check_clearance(source.clearance_m(), who="the source")
             check_provides(source.provides, who="the source")
             camera, there = check_camera(source.camera, who="the source"), source.provides
-        finally:
-            source.close()
     assert views, "lead() gave no view"
     promised = type(settings).provides & (there or type(settings).provides) & set(WORDS)
     for number, (capture, _) in enumerate(views):
@@ -82,11 +81,8 @@ def hands_out_views_of_its_camera(settings: Any, folder: Path) -> None:
 def travel_is_that_of_the_truth(settings: Any, folder: Path) -> None:
     if (source := _source(settings, folder)) is None:
         return
-    try:
-        views = _led(source)
-        start = source.facts.start
-    finally:
-        source.close()
+    with closing(source):
+        views, start = _led(source), source.facts.start
     if _driven(settings) and views[0][1] is not None:
         off = planar(views[0][1]) - start
         assert np.abs(off[:2]).max() < NEAR_M and abs(_turned(off[2])) < NEAR_RAD, (
@@ -110,11 +106,8 @@ def _turned(angle_rad: float) -> float:
 def sees_the_walls_of_the_world(settings: Any, folder: Path) -> None:
     if not _driven(settings) or "depth" not in type(settings).provides:
         return
-    source = _source(settings, folder)
-    try:
+    with closing(_source(settings, folder)) as source:
         views, camera = _led(source, 2), source.camera
-    finally:
-        source.close()
     pixels = np.stack([np.arange(camera.width), np.full(camera.width, round(camera.cy))], axis=1).astype(float)
     rays = camera.rays(pixels) @ camera.body_from_camera[:3, :3].T
     for capture, truth in views:
@@ -150,8 +143,7 @@ def _to_walls(world: World, eye: np.ndarray, directions: np.ndarray, height_m: f
 def drives_when_told_and_where_it_is_put(settings: Any, folder: Path) -> None:
     if not _driven(settings):
         return
-    source = _source(settings, folder)
-    try:
+    with closing(_source(settings, folder)) as source:
         (led, before), = _led(source, 1)
         stamp_s = led.stamp_s
         source.begin_patrol()
@@ -172,27 +164,20 @@ def drives_when_told_and_where_it_is_put(settings: Any, folder: Path) -> None:
             source.teleport(put)
             source.drive(Twist(0.0, 0.0, 0.05))
             _agrees(planar(source.truth()), planar(put), "after teleport(pose) the pose")
-    finally:
-        source.close()
 
 
 def same_seed_same_views(settings: Any, folder: Path) -> None:
     def views() -> list[tuple[Capture, Any]] | None:
         if (source := _source(settings, folder, seed=2)) is None:
             return None
-        try:
+        with closing(source):
             return _led(source, 2)
-        finally:
-            source.close()
 
     first, second = views(), views()
     for (a, _), (b, _) in zip(first or [], second or [], strict=True):
         assert a.stamp_s == b.stamp_s, "two builds with one seed differ in stamps"
         for name in ("image", "depth", "travel"):
-            left, right = getattr(a, name), getattr(b, name)
-            same = left is right if left is None or right is None else np.array_equal(
-                left, right, equal_nan=left.dtype.kind == "f")
-            assert same, f"two builds with one seed differ in {name}"
+            assert same(getattr(a, name), getattr(b, name)), f"two builds with one seed differ in {name}"
 
 
 SOURCE = (hands_out_views_of_its_camera, travel_is_that_of_the_truth, sees_the_walls_of_the_world,

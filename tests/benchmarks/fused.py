@@ -23,7 +23,8 @@ from shared import odometry, write
 from rhs.api.contracts import Context, FeatureSettings
 from rhs.api.geometry import planar, wrap
 from rhs.api.randomness import generator
-from rhs.config.compose import build_parts, compose_config
+from rhs.config.compose import compose_config
+from rhs.config.parts import build
 from rhs.worlds.world import load_world
 
 WORLDS = {
@@ -63,7 +64,8 @@ def one_run(world: str, seed: int, direction: str, words: list[str]) -> list[dic
     look = (f"seed={seed}", f"source.texture_seed={seed + 1}", f"source.direction={direction}")
     config = compose_config([*PACE, *look, *WORLDS[world]])
     with tempfile.TemporaryDirectory() as name:
-        parts = build_parts(config, load_world(config.world), Path(name))
+        parts = build(config.parts, seed=config.seed, world=load_world(config.world), folder=Path(name),
+                      features=config.features)
         source = parts.source
         context = Context(generator(seed, "odometry"), source.camera, source.facts, Path(name), FeatureSettings())
         followed = [Followed(odometry(word, replace(context, rng=generator(seed, "odometry")))) for word in words]

@@ -31,7 +31,8 @@ from rhs.api.floorplan import World
 from rhs.api.geometry import planar, se2
 from rhs.api.records import Wall
 from rhs.base.strict_yaml import load_yaml
-from rhs.config.compose import build_parts, compose_config
+from rhs.config.compose import compose_config
+from rhs.config.parts import build
 from rhs.estimation.scans.wall_rays import cast_on_walls
 from rhs.worlds.world import load_world
 from rhs_mappers.occupancy import OccupancyMapper
@@ -211,7 +212,8 @@ def survey(file: Path, words: tuple[str, ...], seed: int, way: str) -> tuple[Tra
     look = f"source.texture_seed={seed + 1}"
     config = compose_config(["sensor=mono", f"seed={seed}", look, f"source.direction={way}", *words])
     with tempfile.TemporaryDirectory() as folder:
-        parts = build_parts(config, load_world(config.world), Path(folder))
+        parts = build(config.parts, seed=config.seed, world=load_world(config.world), folder=Path(folder),
+                      features=config.features)
         tracker, frames, truth, spent_ms = KltTracker(KltSettings()), [], [], []
         while (capture := parts.source.lead()) is not None:
             observation, begin = parts.sensor.sense(capture), time.process_time()

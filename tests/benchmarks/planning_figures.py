@@ -21,7 +21,8 @@ from rhs.config import registry
 from rhs.estimation.paths.shorten import shortened
 from rhs.metrics.path_judge import Optimum
 from rhs.metrics.planning import path_values
-from rhs.reports.planning_table import as_markdown, draw_bars, order, planning_table
+from rhs.reports.export import as_markdown
+from rhs.reports.planning_table import draw_bars, order, planning_table
 from rhs.reports.table import frame
 from rhs.worlds.plan_files import question_of
 from rhs.worlds.planning_question import load_arena

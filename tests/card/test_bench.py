@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,13 @@ def test_scores_by_hand():
     assert found["solved_share"] == 0.75 and found["wrong_share"] == 0.2
     assert found["above_par2_pct"] == (0 + 50 + 200 + 200) / 4
     assert found["above_pct"] == pytest.approx(200 / 3)
+
+
+def test_a_title_with_a_comma_is_one_cell():
+    """Of a part whose setting is a list: `--mine planner=mine planner.weights=[1,2]`."""
+    cells = ("mine planner.weights=[1,2]", *["1"] * (len(bench.ROW) - 1))
+    text = bench.csv_of([bench.Row(cells, 1.0)])
+    assert text.splitlines()[0] == ",".join(bench.ROW) and next(csv.reader(text.splitlines()[1:])) == list(cells)
 
 
 def test_the_rows_of_a_planner_are_the_same_again_whatever_it_took(monkeypatch, tmp_path):

@@ -53,7 +53,7 @@ def test_what_cannot_be_gated_is_one_line(baseline, words, says, capsys):
 def test_a_run_that_broke_off_is_no_better_for_the_short_way_it_went(tmp_path, monkeypatch, status, success, code, says):
     """Of old runs that did not achieve their mission either, so that no success is lost."""
     row = {"status": status, "reason": "of mine", "success": success, "ate_rmse_m": 0.1}
-    monkeypatch.setattr("rhs.sweeps.kept.kept_rows", lambda jobs, folder, limits, tell: [row] * len(jobs))
+    monkeypatch.setattr("rhs.cli.gate.kept_rows", lambda jobs, folder, limits, tell: [row] * len(jobs))
     pairs = [({"status": "ok", "success": 0.0, "ate_rmse_m": 1.0}, SimpleNamespace(name=f"job{k}")) for k in range(9)]
     found, broken = _compared(pairs, tmp_path, None, "ate_rmse_m", 0.02, 0.2)
     assert found.exit_code == code and in_words(found, "ate_rmse_m", 0.02).startswith(says)
@@ -82,7 +82,7 @@ def test_two_old_runs_that_become_one_and_a_row_that_cannot_be_read_are_refused(
 
 
 def test_who_stops_a_command_hears_where_it_goes_on(tmp_path, capsys):
-    with pytest.raises(KeyboardInterrupt), going_on(tmp_path):
+    with pytest.raises(KeyboardInterrupt), going_on(str(tmp_path)):
         raise KeyboardInterrupt
     assert capsys.readouterr().out == f"files: {tmp_path}; the same command with output={tmp_path} goes on\n"
 

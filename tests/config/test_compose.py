@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.built_parts import build_parts
 from installing import CHOICE, FAKES, installed
 
 from rhs.api import settings
@@ -15,7 +16,6 @@ from rhs.config.compose import (
     Composer,
     Core,
     RunConfig,
-    build_parts,
     compose_config,
     config_hash,
     from_plain,

@@ -3,8 +3,10 @@
 import sys
 from pathlib import Path
 
+from helpers.built_parts import build_parts
+
 import rhs
-from rhs.config.compose import build_parts, compose_config
+from rhs.config.compose import compose_config
 from rhs.worlds.world import load_world
 
 ROOT = Path(rhs.__file__).parent

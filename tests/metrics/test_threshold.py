@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from rhs.metrics.threshold import Dial, Posterior, between_seeds, dial_between, fit, in_words
-from rhs.reports.thresholds import thresholds
+from rhs.reports.summary import thresholds
 
 
 def chance(level, threshold, slope, lapse, direction=1):

@@ -8,6 +8,7 @@ from rhs.api.grid import OccupancyGrid
 from rhs.plots import new_figure
 from rhs.reports.drawing import draw_places, title
 from rhs.reports.event_marks import draw_happenings, draw_unknown
+from rhs.runfolder.run import Run
 
 
 def _step(index, event="", mission="1", belief="tracking"):
@@ -81,7 +82,7 @@ def test_every_place_shows_what_became_of_it(tmp_path):
     lines = [",".join(steps[0]), *(",".join(step.values()) for step in steps)]
     (tmp_path / "steps.csv").write_text("\n".join(lines) + "\n")
     axes = new_figure(4.0, 3.0).add_subplot()
-    draw_places(axes, tmp_path)
+    draw_places(axes, Run(tmp_path))
     drawn = [line for line in axes.get_lines() if len(line.get_xdata())]
     legend = {line.get_label(): line for line in axes.get_lines() if not len(line.get_xdata())}
     labels = ("place reached", "said to be reached, but the robot was elsewhere", "place that cannot be reached",

@@ -5,7 +5,7 @@ import pytest
 
 from rhs.api.geometry import exp_so3, se2, se3
 from rhs.api.trajectory import Trajectory, write_tum
-from rhs.reports.frames import DIGITS, truth_in_map
+from rhs.reports.report import DIGITS, truth_in_map
 from rhs.runfolder.run import Run
 
 

@@ -9,7 +9,8 @@ import pytest
 
 from rhs.api.errors import ConfigError
 from rhs.reports.arena_log import write_logs
-from rhs.reports.planning_table import as_markdown, planning_rows, planning_table
+from rhs.reports.export import as_markdown
+from rhs.reports.planning_table import planning_rows, planning_table
 from rhs.reports.table import frame
 
 

@@ -15,6 +15,7 @@ from rhs.reports.report import html, main, motion, overview, sweep, worst
 from rhs.reports.table import rows
 from rhs.reports.video import count_frames, video
 from rhs.runfolder.row import write_row
+from rhs.runfolder.run import Run
 
 SCRIPT = "<script>alert(1)</script>"
 
@@ -61,13 +62,13 @@ def test_walls_found_by_one_eye_are_drawn_where_the_file_has_them_and_named(tmp_
 
     folder = make_run(tmp_path / "run", count=6)
     without = new_figure(5.0, 4.0).add_subplot()
-    draw_run(without, folder)
+    draw_run(without, Run(folder))
     assert "walls found" not in without.get_legend_handles_labels()[1]
     walls = [{"start_m": [1.0, 2.0], "end_m": [1.0, 8.0], "floor_m": 0.0, "ceiling_m": None},
              {"start_m": [1.0, 8.0], "end_m": [9.0, 8.0], "floor_m": 0.0, "ceiling_m": 2.6}]
     (folder / "walls.json").write_text(json.dumps(walls))
     axes = new_figure(5.0, 4.0).add_subplot()
-    draw_run(axes, folder)
+    draw_run(axes, Run(folder))
     assert axes.get_legend_handles_labels()[1].count("walls found") == 1
     drawn = [line.get_xydata().tolist() for line in axes.get_lines()]
     assert [[1.0, 2.0], [1.0, 8.0]] in drawn and [[1.0, 8.0], [9.0, 8.0]] in drawn
@@ -177,7 +178,7 @@ def test_a_truth_in_a_frame_of_its_own_is_laid_onto_the_belief_and_the_empty_map
     save_map(tmp_path / "map", OccupancyGrid(known, 0.1, (-25.0, -25.0)))
     write_row(tmp_path, {"ate_alignment": "se3"})
     axes = Figure().subplots()
-    draw_run(axes, tmp_path)
+    draw_run(axes, Run(tmp_path))
     true, believed = (np.column_stack(axes.get_lines()[k].get_data()) for k in (0, 1))
     np.testing.assert_allclose(true, believed, atol=1e-6)
     assert axes.get_xlim() == pytest.approx((-0.3, 2.2), abs=1e-6) and axes.get_ylim()[1] == pytest.approx(1.3, abs=1e-6)
@@ -203,7 +204,7 @@ def test_the_truth_lies_where_the_corrected_way_is_and_a_loop_is_named_where_one
     write_row(tmp_path, {"ate_alignment": "se3"})
     (tmp_path / "closure.json").write_text(json.dumps({"edges": edges}))
     axes = Figure().subplots()
-    draw_lines(axes, tmp_path)
+    draw_lines(axes, Run(tmp_path))
     lines = {line.get_label(): np.column_stack(line.get_data()) for line in axes.get_lines()}
     np.testing.assert_allclose(lines["survey, true (se3 aligned)"], lines[label], atol=1e-6)
 
@@ -252,7 +253,7 @@ def test_a_simulated_truth_is_drawn_where_it_was(tmp_path, monkeypatch):
     folder = make_run(tmp_path / "run", count=6)
     write_row(folder, {"status": "ok", "seed": 0, "ate_alignment": "se3"})
     laid = []
-    monkeypatch.setattr(drawing, "_laid_onto", lambda truth, belief, how: laid.append(how) or truth)
+    monkeypatch.setattr(drawing, "laid_onto", lambda truth, belief, how: laid.append(how) or truth)
     (folder / "true_map.yaml").rename(tmp_path / "true_map.yaml")
     overview(folder)
     assert "se3" in laid

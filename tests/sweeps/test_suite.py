@@ -15,7 +15,7 @@ from rhs.api.trajectory import Trajectory, write_tum
 from rhs.cli.bench import main
 from rhs.cli.main import main as rhs
 from rhs.metrics.accuracy import nees_of
-from rhs.sweeps import held_out, recorded, suite, suite_more
+from rhs.sweeps import recorded, suite, suite_more
 from rhs.sweeps.suite_page import page, rank, scores
 from rhs.worlds.world import load_world
 
@@ -86,13 +86,13 @@ def test_options_of_the_suites_are_refused_by_planning_v1():
 def test_a_list_that_was_not_promised_is_refused(tmp_path, monkeypatch):
     """One that was is taken; a building more, or another salt, is another list."""
     shown = {"salt": "s", "buildings": ["random:loop/20001"]}
-    monkeypatch.setitem(held_out.PROMISED, "corridor-v1", held_out.promise("corridor-v1", "s", ["random:loop/20001"]))
+    monkeypatch.setitem(suite.PROMISED, "corridor-v1", suite.promise("corridor-v1", "s", ["random:loop/20001"]))
     path = tmp_path / "list.json"
     path.write_text(json.dumps(shown))
-    assert held_out.revealed("corridor-v1", path) == (("random:loop/20001", 20001),)
+    assert suite.revealed("corridor-v1", path) == (("random:loop/20001", 20001),)
     path.write_text(json.dumps({**shown, "salt": "t"}))
     with pytest.raises(ConfigError, match="not the list that was promised"):
-        held_out.revealed("corridor-v1", path)
+        suite.revealed("corridor-v1", path)
 
 
 def test_a_suite_is_run_gone_on_with_and_verified(tmp_path, monkeypatch, capsys):

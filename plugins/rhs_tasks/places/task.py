@@ -64,16 +64,14 @@ class PlacesJob:
         save(memory, folder / "places.npz")
         asked = [step for k, step in enumerate(queried) if k % settings.ask_every == 0]
         queries = [Query(view.features, view.camera, view.map_from_body) for view, _ in asked if view.features is not None]
-        rest = [self.query(view, step) for k, (view, step) in enumerate(stored) if views[k].features is None]
+        # as they were taken: what the odometry said about walls later is not known to a query
+        rest = [Query(features(step.observation, self.context.features), view.camera, view.map_from_body)
+                for k, (view, step) in enumerate(stored) if views[k].features is None]
         answers = named(SAME_LAP, trial(memory, rest, checks=settings.checks, seed=seed, kinds=("votes", "vlad")))
         answers |= named(OFF_ROUTE, trial(memory, queries, checks=settings.checks, seed=seed))
         answers["sequence"] = sequences(parts, views, queried, settings)
         write_tables(folder, answers)
         return columns(memory, answers)
-
-    def query(self, view: View, step: Step) -> Query:
-        """A view as it was taken: what the odometry said about walls later is not known to it."""
-        return Query(features(step.observation, self.context.features), view.camera, view.map_from_body)
 
 
 def lap(context: TaskContext, settings: Recognition, *, seed: int, off_route: bool = False,

@@ -81,17 +81,14 @@ class Mosaic:
 
         grey, weight = moved(strip.grey, cv2.INTER_LINEAR), moved(strip.weight, cv2.INTER_NEAREST).astype(float)
         weight[moved(strip.weight > 0, cv2.INTER_LINEAR) < 0.999] = 0.0  # mixed with what was not seen
-        agreement = self._agreement(Strip(strip.first, grey, weight))
+        there, known = self.part(strip.first, width)
+        both = known & (weight > 0)
+        agreement = correlation(there[both], grey[both]) if both.sum() > 100 else float("nan")
         self._grow(strip.first, width)
         mine = slice(strip.first - self.first, strip.first - self.first + width)
         self._sum[:, mine] += grey * weight
         self._weight[:, mine] += weight
         return agreement
-
-    def _agreement(self, strip: Strip) -> float:
-        grey, known = self.part(strip.first, strip.grey.shape[1])
-        both = known & (strip.weight > 0)
-        return correlation(grey[both], strip.grey[both]) if both.sum() > 100 else float("nan")
 
     def _grow(self, first: int, count: int) -> None:
         if self.empty:

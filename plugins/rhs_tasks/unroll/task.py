@@ -24,7 +24,6 @@ from rhs.estimation.views.features import gray, write_image
 from rhs.plots import new_figure, save
 
 from .bend_finder import BendFinder
-from .bending import Winding
 from .folder import Folder
 from .mosaic import correlation
 from .settings import Unrolling
@@ -48,54 +47,43 @@ class UnrollJob:
 
     def from_folder(self, pictures: Folder) -> dict[str, Any]:
         """Columns of a run over pictures of which nothing else is known."""
-        unroller, strips, cpu_ms = unrolled(iter(pictures), pictures.camera, self.settings)
-        write_image(self.folder / "mosaic.png", shown(unroller.mosaic.picture()))
-        write_strips(self.folder, strips)
-        return columns(unroller, strips, self.settings) | {"world": Path(self.settings.path).name, "unroll_ms": cpu_ms}
+        return self.unrolled(iter(pictures), pictures.camera)[1] | {"world": Path(self.settings.path).name}
 
     def from_source(self, parts: Parts) -> dict[str, Any]:
         """Columns of a run over the views of the source, judged by its true texture."""
         judge = (TextureJudge if self.knows_texture else DepthJudge)(self.settings, parts.source)
-        unroller, strips, cpu_ms = unrolled(watched(parts, judge), parts.source.camera, self.settings)
-        truth = judge.texture(unroller.mosaic)
-        picture = unroller.mosaic.picture()
-        write_image(self.folder / "mosaic.png", shown(picture))
-        write_strips(self.folder, strips)
+        unroller, row = self.unrolled(watched(parts, judge), parts.source.camera)
+        picture, truth = unroller.mosaic.picture(), judge.texture(unroller.mosaic)
         both = np.isfinite(picture) & np.isfinite(truth)
         if both.any():
             write_image(self.folder / "truth.png", shown(truth))
-        return columns(unroller, strips, self.settings) | {
+        return row | {
             "world": parts.source.facts.name,
             "mosaic_correlation": correlation(picture[both], truth[both]) if both.any() else float("nan"),
-            "along_error_pct": judge.along_error_percent(strips[-1].along_m),
-            "bend_error_deg": judge.heading_error_deg(unroller, strips[-1].along_m),
-            "unroll_ms": cpu_ms,
+            "along_error_pct": judge.along_error_percent(row["along_m"]),
+            "bend_error_deg": judge.heading_error_deg(unroller, row["along_m"]),
         }
 
-
-def unrolled(views: Iterator[np.ndarray], camera: Camera, settings: Unrolling) -> tuple[Unroller, list[Stitched], float]:
-    """All views (H, W) gray unrolled in order, after one look at all of them if the bend is to be found; CPU milliseconds
-    per view."""
-    tube, first_look_ms = None, 0.0
-    if settings.bend == "found":
-        views = iter(kept := list(views))
-        tube, first_look_ms = found_tube(kept, camera, settings)
-    unroller, strips, cost = Unroller(settings, camera, tube), [], []
-    for view in views:
-        begin = time.process_time()
-        strips.append(unroller.add(view))
-        cost.append(1e3 * (time.process_time() - begin))
-    if len(strips) < 2:
-        raise ConfigError(f"{len(strips)} views to unroll; expected at least two")
-    return unroller, strips, float(np.median(cost)) + first_look_ms
-
-
-def found_tube(views: list[np.ndarray], camera: Camera, settings: Unrolling) -> tuple[Winding, float]:
-    """The tube as the views show it to bend; CPU milliseconds per view (mean)."""
-    begin, finder = time.process_time(), BendFinder(settings, camera)
-    for view in views:
-        finder.look(view)
-    return finder.winding, 1e3 * (time.process_time() - begin) / max(len(views), 1)
+    def unrolled(self, views: Iterator[np.ndarray], camera: Camera) -> tuple[Unroller, dict[str, Any]]:
+        """All views (H, W) gray unrolled in order, after one look at all of them if the bend is to be found; what can be
+        said without a truth, and CPU milliseconds per view. Writes mosaic.png and strips.csv."""
+        tube, first_look_ms = None, 0.0
+        if self.settings.bend == "found":
+            views = iter(kept := list(views))
+            begin, finder = time.process_time(), BendFinder(self.settings, camera)
+            for view in kept:
+                finder.look(view)
+            tube, first_look_ms = finder.winding, 1e3 * (time.process_time() - begin) / max(len(kept), 1)
+        unroller, strips, cost = Unroller(self.settings, camera, tube), [], []
+        for view in views:
+            begin = time.process_time()
+            strips.append(unroller.add(view))
+            cost.append(1e3 * (time.process_time() - begin))
+        if len(strips) < 2:
+            raise ConfigError(f"{len(strips)} views to unroll; expected at least two")
+        write_image(self.folder / "mosaic.png", shown(unroller.mosaic.picture()))
+        write_strips(self.folder, strips)
+        return unroller, columns(unroller, strips, self.settings) | {"unroll_ms": float(np.median(cost)) + first_look_ms}
 
 
 def columns(unroller: Unroller, strips: list[Stitched], settings: Unrolling) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.geometry import inverse
+from rhs.api.geometry import inverse, rotation_z, se3
 from rhs.estimation.views.features import gray
 
 from .mosaic import Mosaic
@@ -37,11 +37,15 @@ class TextureJudge:
         """Of the believed way along the tube at the last view, share of the true one."""
         if self._first is None:
             return float("nan")
-        upright = np.eye(4)
-        upright[:3, 3] = self._first[:3, 3] - [0.0, self._settings.start_left_m, self._settings.start_up_m]
+        upright = self._first_upright(np.eye(3))
         point = (inverse(upright) @ self._last)[:3, 3] / self._unit_m
         true_m = float(self._tube.locate(point[None])[0][0]) * self._unit_m
         return 100.0 * abs(along_m - true_m) / true_m if true_m > 0 else float("nan")
+
+    def _first_upright(self, turn: np.ndarray) -> np.ndarray:
+        """The middle of the section at the first view (4x4), turned by (3, 3)."""
+        assert self._first is not None
+        return se3(turn, self._first[:3, 3] - turn @ [0.0, self._settings.start_left_m, self._settings.start_up_m])
 
     def heading_error_deg(self, unroller: Unroller, along_m: float) -> float:
         """Largest error of the tube's direction up to there; NaN where nobody knows the true one."""
@@ -76,12 +80,7 @@ class DepthJudge(TextureJudge):
         v, u = (a.ravel() for a in np.indices(capture.depth.shape))
         points = camera.points(np.stack([u, v], axis=1).astype(float), capture.depth.ravel())
         yaw = np.arctan2(self._first[1, 2], self._first[0, 2])  # the camera looks along the tube at first
-        c, s = np.cos(yaw), np.sin(yaw)
-        world_from_tube = np.eye(4)
-        world_from_tube[:2, :2] = [[c, -s], [s, c]]
-        world_from_tube[:3, 3] = self._first[:3, 3] - world_from_tube[:3, :3] @ [
-            0.0, self._settings.start_left_m, self._settings.start_up_m]
-        tube_from_camera = inverse(world_from_tube) @ truth @ camera.body_from_camera
+        tube_from_camera = inverse(self._first_upright(rotation_z(yaw))) @ truth @ camera.body_from_camera
         there = (points @ tube_from_camera[:3, :3].T + tube_from_camera[:3, 3]) / size
         along, left, up = self._tube.locate(np.nan_to_num(there))
         near = np.isfinite(points).all(1) & (np.abs(self._tube.section.slack(left, up)) < self.REACH)
