@@ -217,7 +217,7 @@ def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera 
         return typed
     frames = _frame(reader, topics.color), _frame(reader, topics.depth)
     cameras = _recorded_color(reader, topics, settings), _recorded(reader, topics.depth_info, topics.depth)
-    told, own = realsense.color_from_depth(reader, topics.color, topics.depth), cameras[1] or cameras[0]
+    told, own = realsense.first_from_second(reader, topics.color, topics.depth), cameras[1] or cameras[0]
     if told is not None and own is not None:
         return DepthCamera(own.fx, own.fy, own.cx, own.cy, told, own.distortion)
     return depth_camera_of(frames, links, cameras, topics.depth)
