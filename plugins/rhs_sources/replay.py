@@ -203,7 +203,7 @@ USED_BY = {
     "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
                                             "clouds", "carmen", "bag", "sens"),
-    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "views_late_s": ("bag",),
+    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "truth_of": ("bag",), "views_late_s": ("bag",),
 }
 
 
