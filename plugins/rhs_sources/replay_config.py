@@ -82,8 +82,8 @@ class Replay(PartSettings):
     truth_frame: str = ""
     """Fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth."""
     truth_of: str = ""
-    """What the poses of source.truth or source.truth_topic are of, in a bag: a frame of its tf, or camera: the colour camera,
-    by its own axes (right, down, ahead), as SLAM programs write them; empty: the body."""
+    """What the poses of source.truth or source.truth_topic are of, in a bag: a frame of its tf, or camera: the colour
+    camera, by its own axes (right, down, ahead), as SLAM programs write them; empty: the body."""
     body_frame: str = ""
     """Frame of a bag's tf tree that is the body; empty: the one whose motion the wheels tell, base_footprint, base_link, or
     the end of the fixed links above the sensor. Sensors sit where /tf_static (or /tf that stands still) puts them."""

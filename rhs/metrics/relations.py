@@ -1,8 +1,8 @@
 """Relations: how a laser log is judged whose true poses nobody knows.
 
 A `.relations` file says of pairs of scans how the second is seen from the first, found by people who laid one scan onto the
-other: `stamp1 stamp2 x y z roll pitch yaw`, metres and radians. Graphs of g2o and TORO say it of numbered poses: EDGE_SE2 and
-EDGE_SE3:QUAT name the first and the second, EDGE2 and EDGE3 one or the other first, which their vertices tell. The error of a
+other: `stamp1 stamp2 x y z roll pitch yaw`, metres and radians. Graphs of g2o and TORO say it of numbered poses: EDGE_SE2
+and EDGE_SE3:QUAT name the first before the second, EDGE2 and EDGE3 either, which their vertices tell. The error of a
 pair is the true relation undone by the believed one: its length and its turn. Source: Kuemmerle, Steder, Dornhege, Ruhnke,
 Grisetti, Stachniss, Kleiner, On measuring the accuracy of SLAM algorithms, Autonomous Robots 27(4), 2009. Pairs far apart
 in time are places seen again (revisits): they alone tell whether loops were closed; the others are mostly the noise of the
@@ -51,8 +51,8 @@ def read_relations(path: Path) -> Relations:
             return _of_graph(path, table)
         for number, words in table:
             if words[0][0].isalpha():
-                raise RecordingError(f"{path}:{number}: found '{words[0]}'; expected lines of stamp1 stamp2 x y z roll pitch yaw, "
-                                     f"or a graph with {', '.join(EDGES)}")
+                raise RecordingError(f"{path}:{number}: found '{words[0]}'; expected lines of stamp1 stamp2 x y z roll "
+                                     f"pitch yaw, or a graph with {', '.join(EDGES)}")
             rows.append(finite_numbers(words, f"{path}:{number}", 8, "stamp1 stamp2 x y z roll pitch yaw"))
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"cannot read {path} as relations: {error}") from error

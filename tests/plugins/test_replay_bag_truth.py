@@ -74,8 +74,8 @@ def test_true_poses_lie_in_a_file_beside_the_bag(tmp_path):
 
 
 def test_true_poses_of_another_frame_than_the_body_are_carried_to_it(tmp_path):
-    """The body of a camera in a hand is its mount, x ahead. Poses in optical axes, of a camera that looks along the room's x,
-    and of a marker 0.2 m behind it, are of the same body."""
+    """The body of a camera in a hand is its mount, x ahead. Poses in optical axes, of a camera that looks along the room's
+    x, and of a marker 0.2 m behind it, are of the same body."""
     path = write(tmp_path, lambda bag, k, stamp: bag.transform("/tf_static", stamp, "marker", "camera", 0.2))
     truth = tmp_path / "gt.txt"
     for frame, behind, turn in (("camera", 0.0, "-0.5 0.5 -0.5 0.5"), ("marker", 0.2, "0 0 0 1")):
@@ -84,7 +84,7 @@ def test_true_poses_of_another_frame_than_the_body_are_carried_to_it(tmp_path):
         at = 0.0 if frame == "camera" else -behind  # a body that is typed is the marker itself
         assert way(seen) == [at, at + 0.5, at + 1.0, at + 1.5]
         np.testing.assert_allclose(seen[1][1][:3, :3], np.eye(3), atol=1e-9)
-    with pytest.raises(ConfigError, match="truth_of=imu: no fixed tf links join it to camera; found camera, marker; or type"):
+    with pytest.raises(ConfigError, match="truth_of=imu: no fixed tf links join it to camera; found camera, marker; or "):
         views(path, truth=str(truth), truth_of="imu")
     with pytest.raises(ConfigError, match=r"source\.truth_of: expected with source\.truth=FILE"):
         views(path, truth_of="camera")

@@ -173,8 +173,8 @@ def _own(one: Plain) -> np.ndarray | None:
         return None
     turn = turn if any(turn) else [0.0, 0.0, 0.0, 1.0]  # left out: protobuf's zeros
     if not 0.9 < float(np.linalg.norm(turn)) < 1.1:
-        raise ConfigError(f"Foxglove's message has a pose of its own in the frame {one.get('frame_id')!r} whose quaternion is "
-                          f"{' '.join(f'{v:g}' for v in turn)}; expected a unit one")
+        raise ConfigError(f"Foxglove's message has a pose of its own in the frame {one.get('frame_id')!r} whose quaternion "
+                          f"is {' '.join(f'{v:g}' for v in turn)}; expected a unit one")
     return se3(rotation_of_quaternion(np.array(turn)), np.array(place))
 
 

@@ -49,8 +49,8 @@ def own_place(reader, topic: str) -> np.ndarray | None:
     None where it says nothing. Raises ConfigError where it moves: that is somebody's estimate."""
     first = [place_in_frame(message) for _, _, message in islice(ros.stamped(reader, {topic}), FEW)]
     if any(one != first[0] for one in first):
-        raise ConfigError(f"{topic}: its messages have poses of their own that change, in one frame: somebody's estimate has put "
-                          "them there; expected the frame of the sensor, or where it sits on the robot")
+        raise ConfigError(f"{topic}: its messages have poses of their own that change, in one frame: somebody's estimate "
+                          "has put them there; expected the frame of the sensor, or where it sits on the robot")
     return np.reshape(first[0], (4, 4)) if first and first[0] else None
 
 

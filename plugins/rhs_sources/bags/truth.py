@@ -44,14 +44,14 @@ NO_TRUTH = BagTruth((), np.eye(4))
 def read_truth(reader, found: dict[str, str], settings, *, sees: tuple[str, str],
                body_from_frame: np.ndarray | None, links: dict, optical: np.ndarray | None) -> BagTruth:
     """The truth the user named by source.truth or source.truth_topic (poses of the body, or of source.truth_of) or
-    source.truth_frame (tf down to the frame of the images, clouds or scans, `sees` their topic and it, which sits at the body
-    where nothing is said). links: of tf that stand still; optical: 4x4 body_from_camera of the colour camera, if any."""
+    source.truth_frame (tf down to the frame of the images, clouds or scans, `sees` their topic and it, which sits at the
+    body where nothing is said). links: of tf that stand still; optical: 4x4 body_from_camera of the colour camera."""
     named = [f"source.{name}" for name in ("truth", "truth_topic", "truth_frame") if getattr(settings, name)]
     if len(named) > 1:
         raise ConfigError(f"{settings.path}: found {' and '.join(named)}; expected one of them")
     if settings.truth_of and (not named or settings.truth_frame):
-        raise ConfigError("source.truth_of: expected with source.truth=FILE or source.truth_topic=NAME, whose poses are of that "
-                          "frame; leave it out")
+        raise ConfigError("source.truth_of: expected with source.truth=FILE or source.truth_topic=NAME, whose poses are of "
+                          "that frame; leave it out")
     frame = _posed(settings, sees[1], body_from_frame, links, optical)
     if (truth := typed_truth(settings)) is not None:
         return BagTruth((truth,), inverse(frame))
@@ -70,7 +70,8 @@ def read_truth(reader, found: dict[str, str], settings, *, sees: tuple[str, str]
     return NO_TRUTH
 
 
-def _posed(settings, sensor: str, body_from_sensor: np.ndarray | None, links: dict, optical: np.ndarray | None) -> np.ndarray:
+def _posed(settings, sensor: str, body_from_sensor: np.ndarray | None, links: dict,
+           optical: np.ndarray | None) -> np.ndarray:
     """4x4 body_from_frame of the frame that true poses are of. Raises ConfigError where nothing joins it to the sensor's."""
     wanted, here = settings.truth_of.strip("/"), np.eye(4) if body_from_sensor is None else body_from_sensor
     if not wanted:

@@ -74,8 +74,8 @@ def _of_360(path: Path, settings) -> Drive:
     """A drive of KITTI-360, by its images (data_2d_raw) or its clouds alone (data_3d_raw)."""
     root, name = path.resolve().parent.parent, path.resolve().name
     if not _is_360(path):
-        raise ConfigError(f"{path}: no ../../calibration/perspective.txt; unpack KITTI-360's calibration beside data_2d_raw, or "
-                          f"type source.path={path / 'image_00'} for its images alone")
+        raise ConfigError(f"{path}: no ../../calibration/perspective.txt; unpack KITTI-360's calibration beside "
+                          f"data_2d_raw, or type source.path={path / 'image_00'} for its images alone")
     said = _named(root / "calibration" / "perspective.txt")
     cameras = {one: _rectified(path, one) for one in P}
     _check_size(cameras["P0"], said.get("S_rect_00"), path)

@@ -57,8 +57,8 @@ def open_sens(path: Path, settings) -> Recording:
         raise ConfigError(f"{file}: cannot be read as ScanNet's .sens ({error}); expected version {VERSION}") from None
     matrices, kinds, sizes, steps, expected = header
     if not views or kinds[1] not in (ZLIB, RAW) or not steps > 0.0:
-        raise ConfigError(f"{file}: found {len(views)} whole views, depth of compression {kinds[1]}, {steps:g} steps in a metre; "
-                          "expected depth packed by zlib (1) or raw (0)")
+        raise ConfigError(f"{file}: found {len(views)} whole views, depth of compression {kinds[1]}, {steps:g} steps in a "
+                          "metre; expected depth packed by zlib (1) or raw (0)")
     color, depth = (Camera(width, height, m[0, 0], m[1, 1], m[0, 2], m[1, 2]) for m, (width, height) in
                     zip((matrices[0], matrices[2]), sizes, strict=True))
     scale = settings.depth_scale or steps
@@ -66,8 +66,8 @@ def open_sens(path: Path, settings) -> Recording:
     apart = inverse(check_pose(matrices[1], f"{file}: colour")) @ check_pose(matrices[3], f"{file}: depth")
     near = np.allclose([camera.fx, camera.fy, camera.cx, camera.cy], [depth.fx, depth.fy, depth.cx, depth.cy],
                        atol=SAME * depth.width)
-    beside = None if near and np.allclose(apart, np.eye(4), atol=1e-4) else DepthCamera(depth.fx, depth.fy, depth.cx, depth.cy,
-                                                                                        apart)
+    one = near and np.allclose(apart, np.eye(4), atol=1e-4)
+    beside = None if one else DepthCamera(depth.fx, depth.fy, depth.cx, depth.cy, apart)
     camera = placed_camera(camera, settings)
     stamps = np.array([view.stamp_us for view in views]) * 1e-6
     timed = len(stamps) > 1 and bool((np.diff(stamps) > 0.0).all()) and not settings.rate_hz

@@ -48,8 +48,8 @@ def check_second(path: Path) -> None:
     """Refuse a folder without a second camera."""
     missing = [name for name in (FOLDER, CALIBRATION, PLACE) if not (path / name).exists()]
     if missing:
-        raise ConfigError(f"source.stereo=true (sensor=stereo sets it): {path} holds no {missing[0]}; a second camera is read "
-                          f"from {FOLDER}, {CALIBRATION} and {PLACE} (ETH3D); type sensor=rgbd, or sensor=mono")
+        raise ConfigError(f"source.stereo=true (sensor=stereo sets it): {path} holds no {missing[0]}; a second camera is "
+                          f"read from {FOLDER}, {CALIBRATION} and {PLACE} (ETH3D); type sensor=rgbd, or sensor=mono")
 
 
 def second_camera(path: Path, first: Path) -> Second:
