@@ -131,7 +131,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             pair = stamp, *(Path(file) if file else None for file in files)
             try:
                 color, depth = _read(pair, scale, settings, registered)
-                extras = {} if second is None else second.seen(pair[1], right)
+                extras = {} if second is None or right is None else second.seen(pair[1], right)
             except ConfigError as error:  # the first pair was read before
                 rejected[UNREADABLE] += 1
                 lost[:] = [f"{rejected[UNREADABLE]} of {len(listed)} views cannot be read, the last: {error}"]
