@@ -27,6 +27,7 @@ from .folders.euroc import is_euroc, open_euroc
 from .folders.frames import is_frames, open_frames
 from .folders.kitti import is_kitti, open_kitti
 from .folders.kitti_raw import is_kitti_raw, open_kitti_raw
+from .folders.sens import is_sens, open_sens
 from .folders.tartan import is_tartan, open_tartan
 from .folders.video import SUFFIXES as VIDEOS
 from .folders.video import is_video, open_video
@@ -194,15 +195,15 @@ def _likely(path: Path) -> list[Path]:
 
 
 # Which formats have a use for a setting: what was typed for another is refused, not ignored.
-_FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video")
+_FOLDERS = ("tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video", "sens")
 USED_BY = {
     "scan_mount": ("bag", "carmen", "clouds"), "camera_mount": (*_FOLDERS, "bag"), "body_frame": ("bag",),
-    "rate_hz": ("kitti", "kitti_raw", "tartan", "vkitti", "seven_scenes", "frames", "video", "clouds"),
-    "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run", "bag"), "right_topic": ("bag",),
+    "rate_hz": ("kitti", "kitti_raw", "tartan", "vkitti", "seven_scenes", "frames", "video", "clouds", "sens"),
+    "stereo": ("kitti", "kitti_raw", "tartan", "euroc", "run", "bag", "tum"), "right_topic": ("bag",),
     "depth_camera": ("tum", "seven_scenes", "bag"),
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
-                                            "clouds", "carmen", "bag"),
-    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "views_late_s": ("bag",),
+                                            "clouds", "carmen", "bag", "sens"),
+    "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "truth_of": ("bag",), "views_late_s": ("bag",),
 }
 
 
@@ -243,6 +244,7 @@ FORMATS = {
     "bag": (is_bag, open_bag),
     "video": (is_video, open_video),
     "frames": (is_frames, open_frames),
+    "sens": (is_sens, open_sens),
     "clouds": (is_clouds, open_clouds),
 }
 

@@ -2,7 +2,7 @@
 
 Figures: TUM RGB-D benchmark, "Intrinsic camera calibration of the Kinect" (freiburg1, freiburg2 with lens distortion;
 freiburg3 images are already undistorted); PrimeSense and 7-Scenes defaults as their data sets state them; ICL-NUIM's
-TUM-compatible images, which want a positive fy (ETH3D/badslam issue 59).
+TUM-compatible images, which want a positive fy (ETH3D/badslam issue 59); Bonn as its page does.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 OFF_AXIS = 0.25  # of the width or height: principal points lie nearer to the middle, but of images that were cut
 
 _FR1 = (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
+_BONN = (0.039903, -0.099343, -0.00073, -0.000144, 0.0)
 _FR2 = (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)
 PRESETS = {
     "tum_fr1": Camera(640, 480, 517.3, 516.5, 318.6, 255.3, distortion=_FR1, readout_s=READOUT_S),
@@ -34,7 +35,14 @@ PRESETS = {
     "icl_nuim": Camera(640, 480, 481.2, 480.0, 319.5, 239.5),
     "primesense": Camera(640, 480, 525.0, 525.0, 319.5, 239.5),
     "seven_scenes": Camera(640, 480, 525.0, 525.0, 320.0, 240.0, readout_s=READOUT_S),
+    "bonn": Camera(640, 480, 542.822841, 542.57687, 315.59352, 237.756098, distortion=_BONN, readout_s=READOUT_S),
 }
+
+# Bonn RGB-D Dynamic (Palazzolo et al., IROS 2019; its page): true poses are those of markers, in axes of their own; the
+# camera's are T_ros^-1 T T_ros T_m. T_m as published is no rotation; the nearest one is taken.
+BONN_AXES = np.array([[-1.0, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+BONN_MARKERS = orthonormal(np.array([[1.0157, 0.1828, -0.2389, 0.0113], [0.0009, -0.8431, -0.6413, -0.0098],
+                                     [-0.3009, 0.6147, -0.8085, 0.0111], [0.0, 0.0, 0.0, 1.0]]))
 
 # 7-Scenes: its depth has a focal length of 585 pixels and is not registered to colour (its page). Where the one camera
 # stands beside the other is a Kinect's of another laboratory (LIRIS, the VOIR project), as ACE takes it (Brachmann et al.,

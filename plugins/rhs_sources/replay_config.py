@@ -19,7 +19,7 @@ class Replay(PartSettings):
     path: str = ""
     """Folder or file to read; relative paths count from where the command is typed."""
     camera: Any = "auto"
-    """tum_fr1, tum_fr2, tum_fr3, icl_nuim, primesense, seven_scenes, [fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]
+    """tum_fr1, tum_fr2, tum_fr3, icl_nuim, primesense, seven_scenes, bonn, [fx,fy,cx,cy] or [fx,fy,cx,cy,k1,k2,p1,p2,k3]
     in pixels and OpenCV's distortion, a file (camera.json, intrinsics.txt, camera_info.yaml), or auto: what the recording
     says, or the only such file in its folder."""
     depth_camera: list[float] = field(default_factory=list)
@@ -27,9 +27,9 @@ class Replay(PartSettings):
     [fx,fy,cx,cy,x_m,y_m,z_m] with where it sits in the axes of the colour camera (right, down, ahead). Empty: depth is
     registered, but for camera=seven_scenes, or what a bag says. Of bags and folders of the forms tum and seven_scenes."""
     format: str = one_of("auto", "tum", "seven_scenes", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "run", "bag",
-                         "carmen", "video", "frames", "clouds")
+                         "carmen", "video", "frames", "sens", "clouds")
     """How to read the path: auto, tum, seven_scenes, kitti, kitti_raw, tartan, vkitti, euroc, run (run.mcap), bag,
-    carmen, video, frames (numbered images) or clouds; auto looks at the files."""
+    carmen, video, frames (numbered images), sens (ScanNet) or clouds; auto looks at the files."""
     depth_scale: float = within(0.0, 0.0, 1e6)
     """Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000)."""
     max_depth_m: float = within(20.0, 0.1, 1e4)
@@ -81,6 +81,9 @@ class Replay(PartSettings):
     """Topic of true poses (PoseStamped, Odometry, TransformStamped); empty: a bag's truth is unknown."""
     truth_frame: str = ""
     """Fixed frame of a tf tree that a motion-capture system wrote; empty: tf is not taken for the truth."""
+    truth_of: str = ""
+    """What the poses of source.truth or source.truth_topic are of, in a bag: a frame of its tf, or camera: the colour
+    camera, by its own axes (right, down, ahead), as SLAM programs write them; empty: the body."""
     body_frame: str = ""
     """Frame of a bag's tf tree that is the body; empty: the one whose motion the wheels tell, base_footprint, base_link, or
     the end of the fixed links above the sensor. Sensors sit where /tf_static (or /tf that stands still) puts them."""

@@ -17,10 +17,12 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import Camera, inverse, planar
 from rhs.api.records import Capture, WorldFacts
+from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE
 
 from .folders.intrinsics import intrinsics_beside
 from .folders.loris import base_from_color, wheels
-from .replay_cameras import chosen_camera
+from .folders.stereo_tum import Second, check_second, second_camera
+from .replay_cameras import BONN_AXES, BONN_MARKERS, chosen_camera
 from .replay_images import check_depth, check_pair, hint_scale, read_color, read_depth
 from .replay_mounts import placed_camera
 from .replay_register import DepthCamera, typed_depth_camera
@@ -30,6 +32,7 @@ log = logging.getLogger("rhs.replay")
 UNREADABLE = "unreadable"  # of Recording.rejected: views whose files or messages hold no image
 SET_BACK = "of_a_clock_set_back"  # views of a bag whose stamps step back further than messages overtake one another
 ALIGNED = "aligned_depth.txt"
+BONN = "rgbd_bonn"  # names of its folders begin so
 COLORS, DEPTHS = ("rgb.txt", "color.txt"), (ALIGNED, "depth.txt")
 
 
@@ -62,6 +65,8 @@ def _associated(path: Path) -> Path | None:
 
 def open_tum(path: Path, settings) -> Recording:
     """The paired views of a TUM folder in order of time. Raises ConfigError when something is missing."""
+    if settings.stereo:
+        check_second(path)
     pairs, rejected = _pairs(path, settings)
     if not pairs:
         raise ConfigError(
@@ -70,6 +75,8 @@ def open_tum(path: Path, settings) -> Recording:
         )
     truth_file = _truth_file(path, settings)
     truth = None if truth_file is None else read_tum_truth(truth_file, settings)
+    if truth is not None and not settings.truth and path.resolve().name.startswith(BONN):
+        truth = replace(truth, poses=inverse(BONN_AXES) @ truth.poses @ BONN_AXES @ BONN_MARKERS)
     place = base_from_color(path)  # OpenLORIS's true poses are those of its robot
     if place is not None and truth is not None:
         truth = replace(truth, poses=truth.poses @ place)
@@ -79,7 +86,8 @@ def open_tum(path: Path, settings) -> Recording:
     scale = 1000.0 if (path / ALIGNED).is_file() else 5000.0
     return open_pairs(pairs, settings, truth=truth, default_scale=scale, rejected=rejected,
                       depth_camera=typed_depth_camera(settings.depth_camera), place=place,
-                      odometry=None if place is None else wheels(path, settings))
+                      odometry=None if place is None else wheels(path, settings),
+                      second=second_camera(path, pairs[0][1]) if settings.stereo else None)
 
 
 def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path | None]], file: Path | None) -> None:
@@ -92,12 +100,12 @@ def _say_apart(truth: Truth, pairs: list[tuple[float, Path, Path | None]], file:
 
 def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, rejected: Counter,
                depth_camera: DepthCamera | None = None, timed: bool = True, place: np.ndarray | None = None,
-               odometry: Truth | None = None) -> Recording:
+               odometry: Truth | None = None, second: Second | None = None) -> Recording:
     """A Recording of (stamp, colour path, depth path or None) triples; the first pair is read at once, to refuse early.
 
     Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
     it saw them; None: they are registered to colour. place: 4x4 body_from_camera where the recording says it; odometry: of
-    its wheels."""
+    its wheels. second: the right camera, whose images have the names of the left ones."""
     scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
     registered = depth_camera is None
     first = _read(pairs[0], scale, settings, registered)
@@ -111,6 +119,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     if not wanted:
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
 
+    right = None if second is None else second.beside(camera)
     if deep and not settings.depth_scale:
         hint_scale([depth for *_, depth in wanted], scale=scale, where=folder.name)
     lost: list[str] = []
@@ -122,6 +131,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             pair = stamp, *(Path(file) if file else None for file in files)
             try:
                 color, depth = _read(pair, scale, settings, registered)
+                extras = {} if second is None or right is None else second.seen(pair[1], right)
             except ConfigError as error:  # the first pair was read before
                 rejected[UNREADABLE] += 1
                 lost[:] = [f"{rejected[UNREADABLE]} of {len(listed)} views cannot be read, the last: {error}"]
@@ -132,13 +142,14 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
             wheel = None if odometry is None else odometry.at(pair[0])
             travel = None if wheel is None or before is None else planar(inverse(before) @ wheel)
             before = wheel
-            capture = Capture(index, pair[0], image=color, depth=depth, sensed=True, travel=travel)
+            capture = Capture(index, pair[0], image=color, depth=depth, sensed=True, travel=travel, extras=extras)
             pose = truth.at(pair[0]) if truth is not None else None
             yield capture, None if pose is None else pose @ inverse(camera.body_from_camera)
             index += 1
 
-    held = {"image", "gray"} | ({"depth"} if deep else set()) | (set() if odometry is None else {"wheel"})
-    return Recording(camera, views(), len(listed), rejected, lost=lost, timed=timed, provides=frozenset(held))
+    held = {"image", "gray"} | ({"depth"} if deep else set()) | (set() if odometry is None else {"wheel"}) | (
+        set() if right is None else {RIGHT_IMAGE, RIGHT_CAMERA})
+    return Recording(camera, views(), len(listed), rejected, lost=lost, timed=timed, provides=frozenset(held), right=right)
 
 
 def _check_scale(path: Path, scale: float, settings) -> bool:

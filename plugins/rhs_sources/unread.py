@@ -8,8 +8,6 @@ from pathlib import Path
 GRAPH = "a graph of poses (g2o, TORO), which holds no scans: give the log that it was made of"
 _IMAGES = "a folder with rgb/000001.png and depth/000001.png"
 FILES = {
-    ".sens": "a recording of ScanNet: unpack it by ScanNet's SensReader (reader.py with all four --export_*), then "
-             "source.path=FOLDER",
     ".svo": f"a recording of a ZED: export left images and depth as {_IMAGES}, or play it by zed_wrapper and record a bag",
     ".oni": f"a recording of OpenNI: export it as {_IMAGES}", ".klg": f"a log of Kintinuous: unpack it to {_IMAGES}",
     ".r3d": f"a recording of Record3D: export it as {_IMAGES}",

@@ -77,13 +77,13 @@ def folder_fault(folder: Path) -> str:
 
 
 def evaluate_relations(estimate: Path, relations: Path) -> Values:
-    """Errors of published relations: of a TUM file, or of the corrected way of a run folder."""
+    """Errors of published relations: of a trajectory, or of the corrected way of a run folder."""
     if estimate.is_dir():
         names = [name for name in (f"{LOG_WAY}.tum", "corrected.tum", "estimate.tum") if (estimate / name).exists()]
         if not names:
-            raise ConfigError(f"{estimate} holds no corrected.tum; expected a run folder or a TUM file")
+            raise ConfigError(f"{estimate} holds no corrected.tum; expected a run folder or a trajectory")
         estimate = estimate / names[0]
-    return relation_values(read_tum(estimate), read_relations(relations))
+    return relation_values(read_trajectory(estimate), read_relations(relations))
 
 
 def evaluate(folder: Path, task: str = "patrol") -> Values:

@@ -22,6 +22,7 @@ from rhs.api.trajectory import Trajectory
 from .accuracy import Pairing, pair, relative_errors, rmse, rotation_angles
 
 LEAST_STEPS, MOST_STEPS = 20, 500
+FEW_STEPS = 6  # tell that axes are turned, where a rotation explains what moved; another reading is not told by so few
 TURN_RAD = 0.1  # least median turn between two moments
 CONTRADICTS, HALF = 0.5, 0.5  # share of the motions that is left; of that, and of the relative error, with another reading
 LEAST_M, SAME_UNIT = 0.01, 0.1  # extent of a way that tells its unit, and by which share it may be off
@@ -37,12 +38,14 @@ def pose_fault(estimate: Trajectory, truth: Trajectory, tolerance_s: float) -> s
     if fault := _unit(both) or _mirrored(both):
         return fault
     steps = _steps(both.truth.poses)
-    if len(steps) < LEAST_STEPS:
+    if not len(steps):
         return ""
     mine, theirs = both.estimate.poses, both.truth.poses
     told, rotation = _fit(mine, theirs, steps)
     if told <= CONTRADICTS:
         return _axes(both, steps, rotation)
+    if len(steps) < LEAST_STEPS:
+        return ""
     left, said = min(((_fit(read(mine), theirs, steps)[0], said) for read, said in READINGS), key=lambda one: one[0])
     if left > HALF * told:
         return ""
@@ -99,7 +102,7 @@ def _steps(poses: np.ndarray) -> np.ndarray:
     """(M, 2) of moments between which the body turns; none where it hardly does."""
     for gap in 2 ** np.arange(12):
         first = np.arange(0, len(poses) - gap, max(1, len(poses) // MOST_STEPS))
-        if len(first) < LEAST_STEPS:
+        if len(first) < FEW_STEPS:
             break
         turned = rotation_angles((inverse(poses[first]) @ poses[first + gap])[:, :3, :3])
         if np.median(turned) >= TURN_RAD:

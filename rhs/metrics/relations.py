@@ -1,7 +1,8 @@
 """Relations: how a laser log is judged whose true poses nobody knows.
 
 A `.relations` file says of pairs of scans how the second is seen from the first, found by people who laid one scan onto the
-other: `stamp1 stamp2 x y z roll pitch yaw`, metres and radians. The error of a
+other: `stamp1 stamp2 x y z roll pitch yaw`, metres and radians. Graphs of g2o and TORO say it of numbered poses: EDGE_SE2
+and EDGE_SE3:QUAT name the first before the second, EDGE2 and EDGE3 either, which their vertices tell. The error of a
 pair is the true relation undone by the believed one: its length and its turn. Source: Kuemmerle, Steder, Dornhege, Ruhnke,
 Grisetti, Stachniss, Kleiner, On measuring the accuracy of SLAM algorithms, Autonomous Robots 27(4), 2009. Pairs far apart
 in time are places seen again (revisits): they alone tell whether loops were closed; the others are mostly the noise of the
@@ -22,9 +23,10 @@ from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
 
 from .survey import NAN, Values, of_any
-from .trajectory_forms import finite_numbers
+from .trajectory_forms import EDGES, edge_of, finite_numbers, read_trajectory
 
-REVISIT_S = 30.0  # pairs further apart in time are places seen again
+REVISIT_S = 30.0  # pairs further apart in time, or in numbers, are places seen again
+TWISTED = ("EDGE2", "EDGE3")  # of TORO, whose words are "observed observing", and whose files have both orders
 SAME_S = 1e-3  # stamps of a relation and of a pose that are one scan's: files round them
 FILE, LOG_WAY = "truth.relations", "corrected_log"  # of a run folder
 
@@ -42,20 +44,46 @@ def read_relations(path: Path) -> Relations:
     check_regular(path)
     rows = []
     try:
-        for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
-            words = line.split("#", 1)[0].replace(",", " ").split()
-            if words:
-                rows.append(finite_numbers(words, f"{path}:{number}", 8, "stamp1 stamp2 x y z roll pitch yaw"))
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        table = [(number, words) for number, line in enumerate(lines, start=1)
+                 if (words := line.split("#", 1)[0].replace(",", " ").split())]
+        if any(words[0] in EDGES for _, words in table):
+            return _of_graph(path, table)
+        for number, words in table:
+            if words[0][0].isalpha():
+                raise RecordingError(f"{path}:{number}: found '{words[0]}'; expected lines of stamp1 stamp2 x y z roll "
+                                     f"pitch yaw, or a graph with {', '.join(EDGES)}")
+            rows.append(finite_numbers(words, f"{path}:{number}", 8, "stamp1 stamp2 x y z roll pitch yaw"))
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"cannot read {path} as relations: {error}") from error
-    table = np.array(rows).reshape(-1, 8)
-    poses = np.tile(np.eye(4), (len(table), 1, 1))
-    if len(table):
+    values = np.array(rows).reshape(-1, 8)
+    poses = np.tile(np.eye(4), (len(values), 1, 1))
+    if len(values):
         from scipy.spatial.transform import Rotation
 
-        poses[:, :3, :3] = Rotation.from_euler("xyz", table[:, 5:8]).as_matrix()
-    poses[:, :3, 3] = table[:, 2:5]
-    return Relations(table[:, :2], poses)
+        poses[:, :3, :3] = Rotation.from_euler("xyz", values[:, 5:8]).as_matrix()
+    poses[:, :3, 3] = values[:, 2:5]
+    return Relations(values[:, :2], poses)
+
+
+def _of_graph(path: Path, table: list[tuple[int, list[str]]]) -> Relations:
+    """The edges of a graph. Raises RecordingError where nothing says which of the two poses of EDGE2 is seen."""
+    edges = [(words[0], *edge_of(words, f"{path}:{number}")) for number, words in table if words[0] in EDGES]
+    relations = Relations(np.array([numbers for _, numbers, _ in edges]), np.array([pose for _, _, pose in edges]))
+    if not any(kind in TWISTED for kind, _, _ in edges):
+        return relations
+    if not any(words[0].startswith("VERTEX") for _, words in table):
+        raise RecordingError(f"{path}: {edges[0][0]} without vertices: nothing says which of the two poses is seen from the "
+                             "other; write EDGE_SE2 (or EDGE_SE3:QUAT), the second as the first sees it")
+    turned = Relations(relations.stamps_s[:, ::-1], relations.first_from_second)
+    own = read_trajectory(path)  # its odometry, or what somebody has solved
+    return min((relations, turned), key=lambda one: _typical(own, one))
+
+
+def _typical(way: Trajectory, relations: Relations) -> float:
+    """Median error in metres; infinite where no pair has poses."""
+    metres = relation_errors(way, relations)[0]
+    return float(np.median(metres)) if len(metres) else np.inf
 
 
 def relation_errors(estimate: Trajectory, relations: Relations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

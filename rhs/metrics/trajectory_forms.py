@@ -23,6 +23,7 @@ from rhs.base.errors import RecordingError
 MATRIX, WHOLE, UNTIMED, EUROC_NUMBERS = 12, 16, 7, 8  # numbers a line
 SKEW = 0.05  # a rotation may be so far from one; files are rounded
 PLANAR, SPATIAL = ("VERTEX_SE2", "VERTEX2"), ("VERTEX_SE3:QUAT", "VERTEX3")  # of g2o and of TORO
+EDGES = {"EDGE_SE2": 3, "EDGE2": 3, "EDGE_SE3:QUAT": 7, "EDGE3": 6}  # numbers of a pose; what follows is its information
 GTSAM = 2**56 - 1  # of a key: GTSAM writes a letter above the number, and the sum has more digits than a float
 Rows = list[tuple[int, list[str]]]
 
@@ -108,9 +109,22 @@ def _graph(path: Path, rows: Rows) -> Trajectory:
         where, flat = f"{path}:{number}", words[0] in PLANAR
         count = 3 if flat else 6 if words[0] == SPATIAL[1] else 7
         values = finite_numbers(words[1 : 2 + count], where, 1 + count, "of a vertex")
-        numbers.append(float(int(words[1]) & GTSAM) if words[1].isdigit() else values[0])
+        numbers.append(_number(words[1], values[0]))
         poses.append(se2(*values[1:]) if flat else _pose(values[1:], where))
     return _counted(_ascending(np.array(numbers), np.array(poses).reshape(-1, 4, 4)))
+
+
+def edge_of(words: list[str], where: str) -> tuple[list[float], np.ndarray]:
+    """The numbers of the two poses of an edge of a graph, and 4x4 first_from_second. Raises RecordingError."""
+    count = EDGES[words[0]]
+    values = finite_numbers(words[1 : 3 + count], where, 2 + count, "of an edge")
+    pose = se2(*values[2:]) if count == 3 else _pose(values[2:], where)
+    return [_number(word, value) for word, value in zip(words[1:3], values, strict=False)], pose
+
+
+def _number(word: str, value: float) -> float:
+    """Of a pose in a graph."""
+    return float(int(word) & GTSAM) if word.isdigit() else value
 
 
 def _counted(way: Trajectory) -> Trajectory:

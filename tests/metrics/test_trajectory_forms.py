@@ -187,6 +187,14 @@ def test_poses_that_are_read_another_way_than_they_were_meant_are_said(tmp_path)
     assert pair_fault(tmp_path / "unlike.tum", tmp_path / "truth.tum") == ""
 
 
+def test_turned_axes_are_told_by_a_few_poses(tmp_path):
+    way = turning_way(12)
+    write_tum(tmp_path / "a.tum", way)
+    write_tum(tmp_path / "b.tum", Trajectory(way.stamps_s, way.poses @ se3(BODY_FROM_OPTICAL, np.zeros(3))))
+    assert "are of axes turned by 120 degrees" in pair_fault(tmp_path / "a.tum", tmp_path / "b.tum")
+    assert pair_fault(tmp_path / "a.tum", tmp_path / "a.tum") == ""
+
+
 def test_axes_that_look_along_the_same_way_and_have_their_z_down_are_said(tmp_path):
     """A car's inertial unit a metre beside its lidar: ways from view to view hardly tell, the turns do (KITTI-360)."""
     time_s = 0.1 * np.arange(60)

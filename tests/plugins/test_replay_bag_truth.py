@@ -73,6 +73,23 @@ def test_true_poses_lie_in_a_file_beside_the_bag(tmp_path):
         views(path, truth=str(truth))
 
 
+def test_true_poses_of_another_frame_than_the_body_are_carried_to_it(tmp_path):
+    """The body of a camera in a hand is its mount, x ahead. Poses in optical axes, of a camera that looks along the room's
+    x, and of a marker 0.2 m behind it, are of the same body."""
+    path = write(tmp_path, lambda bag, k, stamp: bag.transform("/tf_static", stamp, "marker", "camera", 0.2))
+    truth = tmp_path / "gt.txt"
+    for frame, behind, turn in (("camera", 0.0, "-0.5 0.5 -0.5 0.5"), ("marker", 0.2, "0 0 0 1")):
+        truth.write_text("".join(f"{stamp} {0.5 * k - behind} 0 0 {turn}\n" for k, stamp in enumerate(STAMPS)))
+        _, seen = views(path, truth=str(truth), truth_of=frame, body_frame="" if frame == "camera" else "marker")
+        at = 0.0 if frame == "camera" else -behind  # a body that is typed is the marker itself
+        assert way(seen) == [at, at + 0.5, at + 1.0, at + 1.5]
+        np.testing.assert_allclose(seen[1][1][:3, :3], np.eye(3), atol=1e-9)
+    with pytest.raises(ConfigError, match="truth_of=imu: no fixed tf links join it to camera; found camera, marker; or "):
+        views(path, truth=str(truth), truth_of="imu")
+    with pytest.raises(ConfigError, match=r"source\.truth_of: expected with source\.truth=FILE"):
+        views(path, truth_of="camera")
+
+
 def test_a_bag_without_static_links_or_without_any_is_asked_for_its_tf(tmp_path):
     moving = write(tmp_path, lambda bag, k, stamp: bag.transform("/tf", stamp, "world", "camera", 0.5 * k))
     assert way(views(moving, truth_frame="world")[1]) == [0.0, 0.5, 1.0, 1.5]

@@ -49,6 +49,14 @@ def test_a_parameter_without_a_number_says_nothing(tmp_path, caplog, value):
     assert np.degrees(first.scan.bearings_rad[0]) == pytest.approx(-90.0) and "to cover 180 degrees" in caplog.text
 
 
+@pytest.mark.parametrize(("beams", "half_deg"), [(401, 50.0), (400, 49.875)])
+def test_a_sick_in_steps_of_a_quarter_of_a_degree_sees_100_degrees(tmp_path, caplog, beams, half_deg):
+    with caplog.at_level(logging.WARNING, "rhs.replay"):
+        first, *_ = opened(tmp_path / "a.log", [flaser(beams)])
+    assert np.degrees(first.scan.bearings_rad[[0, -1]]) == pytest.approx([-half_deg, half_deg])
+    assert f"its {beams} beams are taken to cover 100 degrees, as the log does not say" in caplog.text
+
+
 def test_a_field_of_view_that_is_typed_wins_over_the_logs_parameters(tmp_path):
     lines = ["PARAM laser_front_laser_resolution 0.5 nohost 0", flaser(541)]
     first, *_ = opened(tmp_path / "a.log", lines, laser_fov_deg=240.0)

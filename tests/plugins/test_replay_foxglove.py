@@ -155,7 +155,7 @@ def cloud(k, pose=b""):
     return stamp(k) + wired(2, "lidar") + pose + fixed(4, 12) + fields + wired(6, points.tobytes())
 
 
-def test_point_clouds_are_read_and_one_with_a_pose_of_its_own_is_refused(tmp_path):
+def test_point_clouds_are_read_and_a_pose_of_their_own_is_where_the_scanner_sits(tmp_path):
     still = [cloud(k) for k in range(3)]
     path = written(tmp_path / "a.mcap", {"/points": ("protobuf", "foxglove.PointCloud", CLOUD, still)})
     _, seen = views(path)
@@ -163,8 +163,23 @@ def test_point_clouds_are_read_and_one_with_a_pose_of_its_own_is_refused(tmp_pat
     np.testing.assert_array_equal(seen[1][0].extras["cloud"], wanted)
     moved = [cloud(k, wired(3, wired(1, wired(1, 1.5)))) for k in range(3)]
     path = written(tmp_path / "b.mcap", {"/points": ("protobuf", "foxglove.PointCloud", CLOUD, moved)})
-    with pytest.raises(ConfigError, match="has a pose of its own in the frame 'lidar', at 1.5 0 0 m; expected none"):
+    _, seen = views(path)
+    np.testing.assert_allclose(seen[1][0].extras["cloud"], wanted + np.float32([1.5, 0, 0]), atol=1e-6)
+    path = written(tmp_path / "c.mcap", {"/points": ("protobuf", "foxglove.PointCloud", CLOUD, [
+        cloud(k, wired(3, wired(1, wired(1, 1.0 * k)) + wired(2, wired(4, 1.0)))) for k in range(3)])})
+    with pytest.raises(ConfigError, match="/points: its messages have poses of their own that change, in one frame"):
         views(path)
+
+
+def test_a_scan_with_a_pose_of_its_own_is_seen_from_there(tmp_path):
+    """A laser 0.3 m ahead of its frame and turned to the left by a quarter: what it sees ahead is to the left."""
+    scan = {"frame_id": "base_link", "start_angle": -0.1, "end_angle": 0.1, "ranges": [2.0, 3.0, 4.0], "pose": {
+        "position": {"x": 0.3, "y": 0.0, "z": 0.1}, "orientation": {"x": 0.0, "y": 0.0, "z": 2**-0.5, "w": 2**-0.5}}}
+    path = written(tmp_path / "a.mcap", {"/scan": ("json", "foxglove.LaserScan", b"{}", [json.dumps(
+        {"timestamp": {"sec": 1_700_000_000, "nsec": 10**8 * k}} | scan).encode() for k in range(3)])})
+    seen = views(path)[1][0][0].scan
+    np.testing.assert_allclose(seen.bearings_rad, np.pi / 2 + np.array([-0.1, 0.0, 0.1]))
+    assert seen.origin_xy_m == pytest.approx((0.3, 0.0)) and seen.ranges_m.tolist()[:2] == [2.0, 3.0]
 
 
 def test_messages_of_ros_1_in_mcap_are_read(tmp_path):

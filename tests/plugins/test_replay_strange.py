@@ -15,7 +15,7 @@ from rhs_sources.unread import FILES, of_file
 
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("scene0000_00.sens", "reader.py with all four --export_*), then source.path=FOLDER"), ("a.svo2", "zed_wrapper"),
+    ("a.svo2", "zed_wrapper"),
     ("a.pcap", "record the PointCloud2"),
     ("lcmlog-2012-06-15.00", "convert it to a ROS bag"), ("a.laz", "write .pcd or .ply"),
     ("000000.npy", "astype('float32')"), ("scans.csv", "FLASER N ranges"), ("intel.gfs", "the CARMEN log"),

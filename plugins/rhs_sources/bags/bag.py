@@ -28,7 +28,7 @@ from . import realsense
 from .depth import color_from, depth_camera_of
 from .files import opened
 from .held import encodings_in, topics_in
-from .own_frame import check_scanners_own
+from .own_frame import check_scanners_own, own_place, place_in_frame
 from .pairs import right_camera
 from .topics import Topics, choose_topics
 from .truth import read_truth
@@ -62,7 +62,8 @@ def open_bag(path: Path, settings) -> Recording:
         right = right_camera(reader, topics, camera, links, settings) if topics.right else None
         sees = topics.sees
         truth = read_truth(reader, found, settings, sees=(sees, _frame(reader, sees)), body_from_frame=placed.frame
-                           if topics.color else placed.cloud if topics.around else placed.scan)
+                           if topics.color else placed.cloud if topics.around else placed.scan,
+                           links=links, optical=camera.body_from_camera if topics.color else None)
     except BaseException:
         reader.close()
         raise
@@ -188,6 +189,8 @@ def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
     def of(topic: str) -> np.ndarray | None:
         frame = _frame(reader, topic)
         found = tree.of(frame, to_the_end=topic in (topics.scan, topics.around)) if frame else None
+        if topic in (topics.scan, topics.around) and topic and (own_m := own_place(reader, topic)) is not None:
+            found = own_m if found is None else found @ own_m
         if found is None and settings.body_frame and frame:
             raise ConfigError(f"source.body_frame={settings.body_frame}: no fixed tf links join it to {frame}; found "
                               f"{tree.listed()}")
@@ -203,6 +206,7 @@ def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
     cloud = None
     if topics.cloud and topics.color:
         cloud = color_from((_frame(reader, topics.color), _frame(reader, topics.cloud)), links, topics.cloud)
+        cloud = cloud if (own_m := own_place(reader, topics.cloud)) is None else cloud @ own_m
     most_m = _most_m(reader, topics.scan) if topics.scan else np.inf
     return Placed(scan, camera, cloud, _depth_camera(reader, topics, settings, links), most_m,
                   se3(BODY_FROM_OPTICAL, np.zeros(3)) if frame is None else frame)
@@ -217,7 +221,7 @@ def _depth_camera(reader, topics: Topics, settings, links: dict) -> DepthCamera 
         return typed
     frames = _frame(reader, topics.color), _frame(reader, topics.depth)
     cameras = _recorded_color(reader, topics, settings), _recorded(reader, topics.depth_info, topics.depth)
-    told, own = realsense.color_from_depth(reader, topics.color, topics.depth), cameras[1] or cameras[0]
+    told, own = realsense.first_from_second(reader, topics.color, topics.depth), cameras[1] or cameras[0]
     if told is not None and own is not None:
         return DepthCamera(own.fx, own.fy, own.cx, own.cy, told, own.distortion)
     return depth_camera_of(frames, links, cameras, topics.depth)
@@ -243,12 +247,13 @@ def _in_turn(reader, topics: Topics, settings, counts: Counter, lost: list[str])
     """(topic, stamp, message) of what is used, in order; of each topic but tf without messages of another frame than its
     first, and those whose stamps do not ascend, which are counted."""
     last: dict[str, float] = {}
-    frames: dict[str, str] = {}
+    frames: dict[str, tuple[str, tuple[float, ...]]] = {}
     coarse = ros.coarse_topics(reader, {topics.sees, topics.depth} - {""})
     for topic, stamp, message in _as_far_as_it_goes(ros.stamped(reader, topics.used(), coarse), lost):
         if topic != topics.tf:
-            if frames.setdefault(topic, message.header.frame_id) != message.header.frame_id:
-                counts["other_frame"] += 1  # a second sensor on one topic
+            frame = message.header.frame_id, place_in_frame(message)
+            if frames.setdefault(topic, frame) != frame:
+                counts["other_frame"] += 1  # a second sensor on one topic, or one that was moved
                 continue
             if not stamp > last.get(topic, -np.inf):
                 back_s = last[topic] - stamp

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from rhs.api.errors import ConfigError
+from rhs.api.geometry import rotation_of_quaternion, se3
 
 TF = "/tf"
 ROS = {"RawImage": "sensor_msgs/msg/Image", "CompressedImage": "sensor_msgs/msg/CompressedImage",
@@ -148,31 +149,33 @@ def _calibration(one: Plain) -> SimpleNamespace:
 
 
 def _scan(one: Plain) -> SimpleNamespace:
-    _check_unmoved(one)
     ranges = np.asarray(one["ranges"], float)
     step = (one["end_angle"] - one["start_angle"]) / max(len(ranges) - 1, 1)
     return SimpleNamespace(header=_header(one), angle_min=one["start_angle"], angle_max=one["end_angle"],
                            angle_increment=step, time_increment=0.0, scan_time=0.0, range_min=0.0,
-                           range_max=np.inf, ranges=ranges)
+                           range_max=np.inf, ranges=ranges, own=_own(one))
 
 
 def _cloud(one: Plain) -> SimpleNamespace:
-    _check_unmoved(one)
     data, stride = _bytes(one["data"]), one["point_stride"]
     fields = [SimpleNamespace(name=f["name"], offset=int(f["offset"]), datatype=FIELDS.get(f["type"], 0), count=1)
               for f in one["fields"]]
     return SimpleNamespace(header=_header(one), height=1, width=len(data) // max(stride, 1), fields=fields,
-                           is_bigendian=False, point_step=stride, row_step=0, data=data)
+                           is_bigendian=False, point_step=stride, row_step=0, data=data, own=_own(one))
 
 
-def _check_unmoved(one: Plain) -> None:
-    """Refuse what does not sit at the origin of its frame."""
+def _own(one: Plain) -> np.ndarray | None:
+    """4x4 frame_from_sensor of a scan or cloud that does not sit at the origin of its frame; None where it does."""
     pose = one.get("pose") or {}
     place, turn = ([float((pose.get(part) or {}).get(axis, 0.0)) for axis in axes]
-                   for part, axes in (("position", "xyz"), ("orientation", "xyz")))
-    if any(abs(value) > 1e-9 for value in (*place, *turn)):
-        raise ConfigError(f"Foxglove's message has a pose of its own in the frame {one.get('frame_id')!r}, at "
-                          f"{' '.join(f'{v:g}' for v in place)} m; expected none: write it as a FrameTransform")
+                   for part, axes in (("position", "xyz"), ("orientation", "xyzw")))
+    if not any(abs(value) > 1e-9 for value in (*place, *turn[:3])):
+        return None
+    turn = turn if any(turn) else [0.0, 0.0, 0.0, 1.0]  # left out: protobuf's zeros
+    if not 0.9 < float(np.linalg.norm(turn)) < 1.1:
+        raise ConfigError(f"Foxglove's message has a pose of its own in the frame {one.get('frame_id')!r} whose quaternion "
+                          f"is {' '.join(f'{v:g}' for v in turn)}; expected a unit one")
+    return se3(rotation_of_quaternion(np.array(turn)), np.array(place))
 
 
 def _at(one: Plain | None) -> SimpleNamespace:

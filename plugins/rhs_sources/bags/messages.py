@@ -39,6 +39,7 @@ OFF = 0.05  # of what a scan covers, by which its end may be off
 FURTHEST_M = 500.0  # that lasers which look round see
 UNIT = 0.05  # a quaternion may be so much longer or shorter than 1
 KITTI = "/kitti/camera_"
+BROWN = "brown_conrady"  # inverse, modified: librealsense projects all of them by plumb_bob's polynomial (rsutil.h)
 LEAST_PX = 2.0  # of a focal length; shares of the image (0.8) are none
 FLOATS = {7: "f4", 8: "f8"}  # sensor_msgs/PointField datatypes
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **FLOATS}
@@ -216,13 +217,14 @@ def camera_of(message, *, rectified: bool = False) -> Camera | None:
         return None
     if (rectified or alone) and np.all(np.isfinite(p)) and p[0, 0] > 0 and p[1, 1] > 0:
         return Camera(message.width, message.height, p[0, 0], p[1, 1], p[0, 2], p[1, 2], p[0, 1])
-    if message.distortion_model in LENS_MODELS and d:
+    model = "_".join(message.distortion_model.lower().split())  # librealsense's have spaces
+    model = "plumb_bob" if model.endswith(BROWN) else model
+    if model in LENS_MODELS and d:
         try:
-            return with_lens(Camera(message.width, message.height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]),
-                             message.distortion_model, d)
+            return with_lens(Camera(message.width, message.height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]), model, d)
         except ValueError as error:
             raise ConfigError(f"camera info has {error}") from None
-    if message.distortion_model not in ("plumb_bob", "rational_polynomial", "") and any(d):
+    if model not in ("plumb_bob", "rational_polynomial", "") and any(d):
         raise ConfigError(f"camera info has distortion {message.distortion_model}; expected plumb_bob or equidistant; "
                           "undistort the images (image_proc) and use their topic")
     if any(d[8:]):

@@ -8,6 +8,7 @@ they stand and as the wheels say that the robot went: those of the scanner fit b
 from __future__ import annotations
 
 import logging
+from itertools import islice
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from .wheels import first_with_wheels
 
 log = logging.getLogger("rhs.replay")
 WORLDS = ("map", "odom", "world", "earth", "camera_init")  # the last is LOAM's and FAST-LIO's
+FEW = 50  # messages that show whether a sensor stays where it is in its frame
 LOOKED_AT, APART_S = 300, 3.0  # clouds; most between two
 WAY_M, TURN_RAD = 0.5, 0.3  # least between two
 LEAST_PAIRS, MOST_PAIRS = 5, 20
@@ -40,6 +42,22 @@ def check_scanners_own(reader, topics, frame: str) -> bool:
     raise ConfigError(f"{topics.around}: its clouds are of the frame {frame}, in which the robot moves: somebody's estimate "
                       "has put them there; type source.depth_topic=NAME of clouds as the scanner saw them, or "
                       "source.scan_mount=[0,0,0,0,0,0] if these are such")
+
+
+def own_place(reader, topic: str) -> np.ndarray | None:
+    """4x4 frame_from_sensor of messages that say where in their frame they were seen from (Foxglove's), as the first says;
+    None where it says nothing. Raises ConfigError where it moves: that is somebody's estimate."""
+    first = [place_in_frame(message) for _, _, message in islice(ros.stamped(reader, {topic}), FEW)]
+    if any(one != first[0] for one in first):
+        raise ConfigError(f"{topic}: its messages have poses of their own that change, in one frame: somebody's estimate "
+                          "has put them there; expected the frame of the sensor, or where it sits on the robot")
+    return np.reshape(first[0], (4, 4)) if first and first[0] else None
+
+
+def place_in_frame(message) -> tuple[float, ...]:
+    """The 16 numbers of its pose in its frame; none where it sits there."""
+    own = getattr(message, "own", None)
+    return () if own is None else tuple(np.round(own, 9).ravel().tolist())
 
 
 def _move_with_robot(reader, topics) -> bool:

@@ -1,7 +1,8 @@
 """The second camera of a pair in a bag: which it is, and where it sits beside the first.
 
 CameraInfo says it (sensor_msgs/CameraInfo): R turns each camera's axes into those of the rectified pair, and in the second
-one's P, K (I | t), t is where the first sits, -fx times the baseline across. Where it says no baseline, tf joins the frames.
+one's P, K (I | t), t is where the first sits, -fx times the baseline across. Where it says no baseline, tf joins the frames;
+bags of rs-record say it in topics of their own.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ..folders.intrinsics import second_of_chain
 from ..replay_cameras import check_pose
 from ..replay_mounts import Mounts
 from . import messages as ros
+from . import realsense
 from .topics import Topics
 
 LEAST_M = 1e-3  # of a baseline
@@ -40,7 +42,9 @@ def right_camera(reader, topics: Topics, camera: Camera, links: dict, settings) 
     if (recorded.width, recorded.height) != (camera.width, camera.height):
         raise ConfigError(f"{where}: {topics.right} is of {recorded.width}x{recorded.height} pixels and {topics.color} of "
                           f"{camera.width}x{camera.height}; expected one size; type sensor=mono for the first camera alone")
-    place = _by_projection(left, right, rectified=ros.is_rectified(topics.color))
+    place = realsense.first_from_second(reader, topics.color, topics.right)
+    if place is None:
+        place = _by_projection(left, right, rectified=ros.is_rectified(topics.color))
     if place is None and frame and other and frame != other:
         place = Mounts(links, frame).of(other)
     if place is None or np.linalg.norm(place[:3, 3]) < LEAST_M:

@@ -18,14 +18,14 @@ from . import messages as ros
 _IMAGES = re.compile(r"(/device_\d+/sensor_\d+)/\w+?_\d+/image/data$")
 
 
-def color_from_depth(reader, color: str, depth: str) -> np.ndarray | None:
-    """4x4; None where the bag is of another recorder or does not say."""
-    if not (_IMAGES.match(color) and _IMAGES.match(depth)):
+def first_from_second(reader, first: str, second: str) -> np.ndarray | None:
+    """4x4, of the cameras of two topics of images; None where the bag is of another recorder or does not say."""
+    if not (_IMAGES.match(first) and _IMAGES.match(second)):
         return None
-    color_from_reference, depth_from_reference = (_from_reference(reader, topic) for topic in (color, depth))
-    if color_from_reference is None or depth_from_reference is None:
+    first_from_reference, second_from_reference = (_from_reference(reader, topic) for topic in (first, second))
+    if first_from_reference is None or second_from_reference is None:
         return None
-    out: np.ndarray = color_from_reference @ inverse(depth_from_reference)
+    out: np.ndarray = first_from_reference @ inverse(second_from_reference)
     return out
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
-from ..replay_mounts import tf_topics
+from ..replay_mounts import Mounts, tf_topics
 from ..replay_stamps import Truth, ascending, typed_truth
 from . import messages as ros
 
@@ -36,19 +36,25 @@ class BagTruth:
 
 
 POSES = ("Odometry", "PoseStamped", "PoseWithCovarianceStamped", "TransformStamped")
+CAMERA = "camera"  # of source.truth_of: the axes of the colour camera, right, down and ahead
 MOST_LINKS = 50
 NO_TRUTH = BagTruth((), np.eye(4))
 
 
 def read_truth(reader, found: dict[str, str], settings, *, sees: tuple[str, str],
-               body_from_frame: np.ndarray | None) -> BagTruth:
-    """The truth the user named by source.truth or source.truth_topic (poses of the body) or source.truth_frame (tf down to
-    the frame of the images, clouds or scans, `sees` their topic and it, which sits at the body where nothing is said)."""
+               body_from_frame: np.ndarray | None, links: dict, optical: np.ndarray | None) -> BagTruth:
+    """The truth the user named by source.truth or source.truth_topic (poses of the body, or of source.truth_of) or
+    source.truth_frame (tf down to the frame of the images, clouds or scans, `sees` their topic and it, which sits at the
+    body where nothing is said). links: of tf that stand still; optical: 4x4 body_from_camera of the colour camera."""
     named = [f"source.{name}" for name in ("truth", "truth_topic", "truth_frame") if getattr(settings, name)]
     if len(named) > 1:
         raise ConfigError(f"{settings.path}: found {' and '.join(named)}; expected one of them")
+    if settings.truth_of and (not named or settings.truth_frame):
+        raise ConfigError("source.truth_of: expected with source.truth=FILE or source.truth_topic=NAME, whose poses are of "
+                          "that frame; leave it out")
+    frame = _posed(settings, sees[1], body_from_frame, links, optical)
     if (truth := typed_truth(settings)) is not None:
-        return BagTruth((truth,), np.eye(4))
+        return BagTruth((truth,), inverse(frame))
     if settings.truth_topic:
         topic, known = settings.truth_topic, sorted(t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in POSES)
         if topic not in known:
@@ -57,11 +63,26 @@ def read_truth(reader, found: dict[str, str], settings, *, sees: tuple[str, str]
                               f"({', '.join(POSES)})")
         poses = [(stamp, pose) for _, stamp, message in ros.stamped(reader, [topic])
                  if (pose := ros.pose_of(message, topic)) is not None]
-        return BagTruth((_track(poses, settings),), np.eye(4))
+        return BagTruth((_track(poses, settings),), inverse(frame))
     if settings.truth_frame:
         return BagTruth(_from_tf(reader, settings, *sees),
                         np.eye(4) if body_from_frame is None else inverse(body_from_frame))
     return NO_TRUTH
+
+
+def _posed(settings, sensor: str, body_from_sensor: np.ndarray | None, links: dict,
+           optical: np.ndarray | None) -> np.ndarray:
+    """4x4 body_from_frame of the frame that true poses are of. Raises ConfigError where nothing joins it to the sensor's."""
+    wanted, here = settings.truth_of.strip("/"), np.eye(4) if body_from_sensor is None else body_from_sensor
+    if not wanted:
+        return np.eye(4)
+    if wanted == CAMERA and optical is not None:
+        return optical
+    place = here if wanted == sensor.strip("/") else Mounts(links, sensor).of(wanted)
+    if place is None:
+        raise ConfigError(f"source.truth_of={wanted}: no fixed tf links join it to {sensor or 'the sensor'}; found "
+                          f"{Mounts(links).listed()}{'' if optical is None else '; or type camera, for its own axes'}")
+    return here if place is here else here @ place
 
 
 def _track(poses: list[tuple[float, np.ndarray]], settings) -> Truth:

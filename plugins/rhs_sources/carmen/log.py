@@ -34,6 +34,7 @@ from .lines import Pose, Reading, flaser, robotlaser, stamped_pose
 
 logger = logging.getLogger("rhs.replay")
 HALF_TURN_DEG, USUAL_BEAMS = 180.0, (90, 180, 360, 720)  # of SICK's scanners, or one beam more
+QUARTERS, NARROW_DEG = (400, 401), 100.0  # a SICK LMS 200 sees no more in steps of a quarter of a degree
 SUFFIXES = (".clf", ".log", ".clf.gz", ".clf.bz2", ".log.gz", ".log.bz2")
 TEXTS = (".txt", ".script", ".carmen", ".dat", "")
 CONSTANT_M, CONSTANT_RAD = 0.01, 0.01  # a mount stays where it is, up to rounding
@@ -197,7 +198,7 @@ def _fov_deg(words: list[str], step_deg: float, settings, path: Path) -> float:
     if usual and abs(said_deg - HALF_TURN_DEG) <= 2.0 * step_deg:
         return HALF_TURN_DEG
     why = "as the log does not say" if not step_deg else f"{'as' if believed else 'though'} the log says {step_deg:g} a beam"
-    taken_deg = said_deg if believed else HALF_TURN_DEG
+    taken_deg = said_deg if believed else NARROW_DEG if beams in QUARTERS and not step_deg else HALF_TURN_DEG
     logger.warning("%s: its %d beams are taken to cover %.0f degrees, %s; if the laser sees more or less type "
                    "source.laser_fov_deg=DEGREES (Hokuyo: 240 or 270)", path.name, beams, taken_deg, why)
     return taken_deg

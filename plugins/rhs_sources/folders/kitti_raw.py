@@ -1,9 +1,11 @@
 """KITTI raw: a drive's folder (2011_09_26_drive_0005_sync) with image_02/data, velodyne_points/data and oxts/data, and the
-three calib_*.txt of its day beside it.
+three calib_*.txt of its day beside it. KITTI-360: data_2d_raw/NAME with image_00/data_rect, and beside data_2d_raw
+calibration, data_3d_raw/NAME (clouds) and data_poses/NAME (cam0_to_world.txt).
 
 Geiger, Lenz, Stiller and Urtasun, "Vision meets robotics: the KITTI dataset", IJRR 2013, and its development kit. The true
 poses are those of the GPS and inertial unit (oxts), carried to the rectified camera 0: east, north and up of the first, by
-the Mercator projection at its latitude. Images must be rectified (_sync, not _extract).
+the Mercator projection at its latitude. Images must be rectified (_sync, not _extract). KITTI-360 (Liao, Xie and Geiger,
+PAMI 2022, and its scripts): cam0_to_world is of the rectified camera 0, calib_cam_to_velo of the one that is not.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from ..replay_images import read_color
 from ..replay_stamps import in_file_order, number_of, rows
 from ..replay_tum import Recording
 from .kitti import Drive, P, drive
-from .poses import Poses
+from .poses import Poses, poses_by_first, rigid
 from .views import At, numbered, truth_of
 
 EARTH_M = 6378137.0  # radius, as the development kit has it
@@ -33,12 +35,14 @@ STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d+)?")
 
 
 def is_kitti_raw(path: Path) -> bool:
-    clouds = (path / CLOUDS / "data").is_dir() and _day(path) is not None
-    return clouds or any(_images(path, name).is_dir() for name in ("P2", "P0"))
+    clouds = (path / CLOUDS / "data").is_dir() and (_day(path) is not None or _is_360(path))
+    return clouds or any(_images(path, name).is_dir() for name in ("P2", "P0")) or _rectified(path, "P0").is_dir()
 
 
 def open_kitti_raw(path: Path, settings) -> Recording:
     """The views of a drive, as those of KITTI odometry. Raises ConfigError."""
+    if _is_360(path) or _rectified(path, "P0").is_dir():
+        return drive(_of_360(path, settings), settings)
     day = _day(path)
     if day is None:
         raise ConfigError(f"{path}: no calib_cam_to_cam.txt in it or beside it; unpack the calibration of that day (for "
@@ -66,8 +70,42 @@ def open_kitti_raw(path: Path, settings) -> Recording:
     return drive(Drive(path, cameras, path / CLOUDS / "data", calib, "calib_cam_to_cam.txt", stamps, truth), settings)
 
 
+def _of_360(path: Path, settings) -> Drive:
+    """A drive of KITTI-360, by its images (data_2d_raw) or its clouds alone (data_3d_raw)."""
+    root, name = path.resolve().parent.parent, path.resolve().name
+    if not _is_360(path):
+        raise ConfigError(f"{path}: no ../../calibration/perspective.txt; unpack KITTI-360's calibration beside "
+                          f"data_2d_raw, or type source.path={path / 'image_00'} for its images alone")
+    said = _named(root / "calibration" / "perspective.txt")
+    cameras = {one: _rectified(path, one) for one in P}
+    _check_size(cameras["P0"], said.get("S_rect_00"), path)
+    calib = {one: said[key] for one in ("P0", "P1") if len(said.get(key := f"P_rect_0{one[-1]}", ())) == 12}
+    place, poses = root / "calibration" / "calib_cam_to_velo.txt", root / "data_poses" / name / "cam0_to_world.txt"
+    if place.is_file():
+        turn = check_pose(se3(_numbers(said, "R_rect_00", 9, "perspective.txt").reshape(3, 3), np.zeros(3)), "R_rect_00")
+        numbers = [number_of(word, place.name) for _, words in rows(place) for word in words]
+        calib["Tr"] = list((turn @ inverse(rigid(numbers, str(place))))[:3].ravel())
+
+    def truth() -> tuple[At, Counter]:
+        first = None if settings.truth or not poses.is_file() else poses_by_first(poses)
+        return truth_of(None, settings) if first is None else ((lambda number, stamp_s: first.get(number)), Counter())
+
+    def stamps(one: str, numbers: list[int]) -> tuple[np.ndarray, Counter]:
+        return drive_stamps((cameras[one].parent if one else path / CLOUDS) / "timestamps.txt", numbers, settings)
+
+    return Drive(path, cameras, root / "data_3d_raw" / name / CLOUDS / "data", calib, "perspective.txt", stamps, truth)
+
+
+def _is_360(path: Path) -> bool:
+    return (path.resolve().parent.parent / "calibration" / "perspective.txt").is_file()
+
+
 def _images(path: Path, name: str) -> Path:
     return path / f"image_0{name[-1]}" / "data"
+
+
+def _rectified(path: Path, name: str) -> Path:
+    return path / f"image_0{name[-1]}" / "data_rect"
 
 
 def _day(path: Path) -> Path | None:

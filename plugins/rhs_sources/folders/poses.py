@@ -126,6 +126,14 @@ def _logged(table: list[tuple[int, list[str]]], path: Path) -> Poses:
     return out
 
 
+def rigid(numbers: list[float], where: str) -> np.ndarray:
+    """4x4 of the 12 or 16 numbers of a calibration. Raises ConfigError."""
+    pose = _pose(numbers, where)
+    if pose is None:
+        raise ConfigError(f"{where}: holds NaN or infinity; expected a 3x4 or 4x4 pose")
+    return pose
+
+
 def _pose(numbers: list[float], where: str) -> np.ndarray | None:
     if len(numbers) not in (12, 16):
         raise ConfigError(f"{where}: found {len(numbers)} numbers; expected a 3x4 or 4x4 pose")
