@@ -73,13 +73,13 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
     check_live(config.live)
     run, process = RunContext(config, folder, watch, shared, keep, building, drawn), os.getpid()
     row: dict[str, Any] = identity(config)
-    begin_row(folder, row)
-    row |= {"commit": commit(), "versions": versions()}
     run.looks_for_draws = alone and bool(row["plugins"])
     columns: Mapping[str, Any] = {}
     cause: BaseException | None = None
     with exit_noticed(lambda reason: run_ended(run, row, reason)):
         try:
+            begin_row(folder, row)
+            row |= {"commit": commit(), "versions": versions()}
             columns = yield from run.work()
         except ConfigError as error:
             if not run.begun:
