@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from rhs.base.errors import ConfigError
+from rhs.base.errors import ConfigError, told
 from rhs.base.errors import nearest as nearest
 
 RESERVED = ("name", "defaults")  # rhs's own, and the word of Hydra's defaults lists
@@ -51,7 +51,7 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{owner or cls.__name__}: {error}") from error
     except Exception as error:  # of somebody's __post_init__
-        said = f"{cls.__name__} cannot be made: {type(error).__name__}: {error}"
+        said = f"{cls.__name__} cannot be made: {told(error)}"
         raise ConfigError(f"{owner or cls.__name__}: {said}") from error
     for key, value in arguments.items():
         if not _is_finite(value) and repr(plain(value)) != repr(defaults(cls).get(key)):

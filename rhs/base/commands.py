@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from .errors import ConfigError, RhsError, nearest
+from .errors import ConfigError, RhsError, nearest, told
 
 INTERRUPTED = 130
 LONGEST = 250  # characters of a complaint
@@ -58,9 +58,9 @@ def answered(work: Callable[[], int], *, debug: bool | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except Exception as error:
+    except BaseException as error:  # what a part raises may be no Exception
         said = not_written(error) if isinstance(error, OSError) else ""
-        return complain(said or f"{type(error).__name__}: {error} (--debug shows where)", 1, error, debug=debug)
+        return complain(said or f"{told(error)} (--debug shows where)", 1, error, debug=debug)
 
 
 def complain(text: str, code: int, error: BaseException | None = None, *, debug: bool | None = None) -> int:
