@@ -52,13 +52,13 @@ def words_of(error: BaseException) -> str:
 
 def told(error: BaseException) -> str:
     """Type and words of an error, in one line."""
-    return " ".join(f"{type(error).__name__}: {words_of(error)}".split())
+    return " ".join(f"{type(error).__name__}: {words_of(error)}".split()).removesuffix(":")
 
 
 def where(error: BaseException) -> str:
     """The line of a stranger's file that was called, in brackets; nothing where there is none."""
     frames = [(Path(frame.f_code.co_filename).name, line) for frame, line in traceback.walk_tb(error.__traceback__)
-              if not str(frame.f_globals.get("__name__")).startswith("rhs.")]
+              if not str(frame.f_globals.get("__name__")).startswith("rhs.") and frame.f_code.co_filename[0] != "<"]
     return f" ({frames[0][0]}:{frames[0][1]})" if frames else ""
 
 
