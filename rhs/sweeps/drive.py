@@ -105,7 +105,7 @@ class Driver:
             future.cancel()
         try:
             self.engine.close(now=now)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             log.warning("rhs: the engine could not be closed: %s", told(error)[:300])
 
     def _fill(self, executor: Executor, coming: Iterator[list[str]]) -> bool:
