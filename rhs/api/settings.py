@@ -10,6 +10,7 @@ import dataclasses
 import difflib
 import enum
 import functools
+import json
 import math
 import re
 import types
@@ -18,7 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from rhs.base.errors import ConfigError
+from rhs.base.errors import ConfigError, told, where, words_of
 from rhs.base.errors import nearest as nearest
 
 RESERVED = ("name", "defaults")  # rhs's own, and the word of Hydra's defaults lists
@@ -48,10 +49,11 @@ def make(cls: type, values: Mapping[str, Any], owner: str) -> Any:
         if owner and re.split(r"\W", str(error), maxsplit=1)[0] in names:  # a nested group knows its own names only
             raise ConfigError(f"{owner}.{error}") from error
         raise
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{owner or cls.__name__}: {error}") from error
-    except Exception as error:  # of somebody's __post_init__
-        said = f"{cls.__name__} cannot be made: {type(error).__name__}: {error}"
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # of somebody's __post_init__, which may even exit
+        said = words_of(error) if isinstance(error, TypeError | ValueError) else ""
+        said = said or f"{cls.__name__} cannot be made: {told(error)}{where(error)}"
         raise ConfigError(f"{owner or cls.__name__}: {said}") from error
     for key, value in arguments.items():
         if not _is_finite(value) and repr(plain(value)) != repr(defaults(cls).get(key)):
@@ -165,8 +167,9 @@ def unusable(cls: type, owner: str = "") -> str:
             return f"setting {key} has no default value; give it one"
         try:
             _convert(hint, plain(_default(item)), key)
+            json.dumps(plain(_default(item)))  # Any takes a function, which no file holds
         except Exception as error:
-            said = str(error) if isinstance(error, ConfigError) else f"{type(error).__name__}: {error}"
+            said = str(error) if isinstance(error, ConfigError) else told(error)
             return f"the default of setting {key} does not fit its type: {said}"
     return ""
 

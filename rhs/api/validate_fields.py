@@ -9,6 +9,8 @@ from typing import Any, NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 
+from rhs.base.errors import told
+
 from .errors import ContractError
 from .frozen import freeze, owned
 from .records import BeliefStatus, PlanReason, Tracking, Twist
@@ -30,7 +32,7 @@ def _named(check: Callable[_Given, Record]) -> Callable[_Given, Record]:
         except ContractError:
             raise
         except Exception as error:
-            said = " ".join(f"{more['who']}: what it returned cannot be read: {type(error).__name__}: {error}".split())
+            said = f"{more['who']}: what it returned cannot be read: {told(error)}"
             raise ContractError(said[:MOST_REASON]) from error
 
     return named

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from .errors import ConfigError, RhsError, nearest
+from .errors import ConfigError, RhsError, nearest, told
 
 INTERRUPTED = 130
 LONGEST = 250  # characters of a complaint
@@ -48,12 +48,19 @@ def answered(work: Callable[[], int], *, debug: bool | None = None) -> int:
         return complain(str(error), error.exit_code, error, debug=debug)
     except KeyboardInterrupt as error:
         return complain("interrupted; what was finished is kept", signal_code(error), error, debug=debug)
+    except SystemExit as error:
+        frames = [(frame.f_globals.get("__name__", ""), frame.f_code.co_filename, line)
+                  for frame, line in traceback.walk_tb(error.__traceback__)]
+        name, file, line = [one for one in frames if one[0] != "argparse"][-1]  # which ends a command after its --help
+        if name.partition(".")[0] == "rhs":
+            raise
+        return complain(f"SystemExit: {error.code} ({file}:{line}); a part ended the command", 1, error, debug=debug)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except Exception as error:
+    except BaseException as error:  # what a part raises may be no Exception
         said = not_written(error) if isinstance(error, OSError) else ""
-        return complain(said or f"{type(error).__name__}: {error} (--debug shows where)", 1, error, debug=debug)
+        return complain(said or f"{told(error)} (--debug shows where)", 1, error, debug=debug)
 
 
 def complain(text: str, code: int, error: BaseException | None = None, *, debug: bool | None = None) -> int:

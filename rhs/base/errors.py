@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import traceback
 from collections.abc import Collection
 from enum import EnumMeta
 from pathlib import Path
@@ -38,11 +39,27 @@ class RecordingError(RhsError):
 
 
 def words_of(error: BaseException) -> str:
-    """What an error says; of a name that an enumeration lacks, of which Python says the name alone, those that it has."""
+    """What an error says; of a name that an enumeration lacks, of which Python says the name alone, those that it has.
+    Somebody's own may fail as it is asked for its text."""
     kind = getattr(error, "obj", None)
     if isinstance(error, AttributeError) and isinstance(kind, EnumMeta):
         return f"{kind.__name__} has no {error.name}; it has {', '.join(kind.__members__)}"
-    return str(error)
+    try:
+        return str(error)
+    except BaseException:
+        return "(its text cannot be shown)"
+
+
+def told(error: BaseException) -> str:
+    """Type and words of an error, in one line."""
+    return " ".join(f"{type(error).__name__}: {words_of(error)}".split()).removesuffix(":")
+
+
+def where(error: BaseException) -> str:
+    """The line of a stranger's file that was called, in brackets; nothing where there is none."""
+    frames = [(Path(frame.f_code.co_filename).name, line) for frame, line in traceback.walk_tb(error.__traceback__)
+              if not str(frame.f_globals.get("__name__")).startswith("rhs.") and frame.f_code.co_filename[0] != "<"]
+    return f" ({frames[0][0]}:{frames[0][1]})" if frames else ""
 
 
 def nearest(word: str, known: Collection[str], owner: str = "") -> str:

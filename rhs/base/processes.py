@@ -22,6 +22,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXP
 BLAS = "OPENBLAS_CORETYPE"  # ... nor on who made the processor: OpenBLAS and NumPy choose their inner loops by it
 NUMPY = "NPY_DISABLE_CPU_FEATURES"
 SWEEP_PATH = "RHS_SWEEP_PATH"  # in the environment of the server of a sweep: where it looks for modules
+SWEEP_PRELOAD = "RHS_SWEEP_PRELOAD"  # there too: modules that the parts of its jobs want loaded once
 
 
 def steady() -> dict[str, str]:

@@ -222,7 +222,8 @@ def _run_sweep(plan, folder: Path, limits) -> int:
         report = running.run_plan(plan, folder, limits, tell=progress.tell)
     except (KeyboardInterrupt, EngineError) as error:
         progress.close()
-        print("\n".join(error.report.lines()))  # type: ignore[union-attr]
+        if (had := getattr(error, "report", None)) is not None:  # none: the signal came beside the jobs
+            print("\n".join(had.lines()))
         print(f"files: {folder}; go on by: python -m rhs --resume {folder}")
         raise
     progress.close()

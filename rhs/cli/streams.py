@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from rhs.base.commands import LONGEST, plain, shortened
+from rhs.base.errors import words_of
 
 
 @contextlib.contextmanager
@@ -72,7 +73,7 @@ def tell_errors_beside() -> None:
         if said not in told:
             told.add(said)
             with contextlib.suppress(Exception):
-                print(shortened(plain(f"{said}: {error}"), LONGEST), file=sys.stderr)
+                print(shortened(plain(f"{said}: {words_of(error)}" if error else said), LONGEST), file=sys.stderr)
 
     threading.excepthook = lambda one: tell("a thread", one.exc_value, one.exc_traceback)
     sys.unraisablehook = lambda one: tell(getattr(one.object, "__qualname__", "Python"), one.exc_value, one.exc_traceback)

@@ -30,7 +30,7 @@ from typing import Any
 from rhs.api.contracts import API_VERSION, DEGRADE, PLUGIN_KINDS
 from rhs.api.metric import Metric
 from rhs.api.settings import RESERVED, nearest, unknown_key, unusable
-from rhs.base.errors import ConfigError, PluginError
+from rhs.base.errors import ConfigError, PluginError, words_of
 from rhs.base.provenance import code_hash
 
 OF_SWEEP = ("engine", "keep", "share", "cache")  # words that say where the jobs of a sweep run and what stays of them
@@ -274,7 +274,7 @@ def why_not_imported(error: BaseException, own: str = "") -> str:
     an entry point names, `module:class`."""
     if isinstance(error, _TooLong):
         return str(error)
-    said = f"{type(error).__name__}: {(str(error).strip().splitlines() or [''])[0][:120]}"
+    said = f"{type(error).__name__}: {(words_of(error).strip().splitlines() or [''])[0][:120]}"
     if isinstance(error, ModuleNotFoundError) and error.name and f"{own.partition(':')[0]}.".startswith(f"{error.name}."):
         return f"{said}; right the entry point, module:class"
     if isinstance(error, AttributeError) and isinstance(error.obj, ModuleType):  # the file: two packages may have one name

@@ -36,7 +36,7 @@ class SlamCloser(_Of):
     """Its trajectory of now: what loops have moved is in it already."""
 
     def close(self, views: Sequence[View]) -> Closure:
-        return Closure(np.array(self._slam.trajectory(), float))
+        return Closure(self._slam.trajectory())
 
 
 class SlamMapper(_Of):

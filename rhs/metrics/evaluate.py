@@ -5,13 +5,12 @@ What is missing is NaN, never 0. A metric that fails costs its own column: the r
 
 from __future__ import annotations
 
-import traceback
 from pathlib import Path
 
 import numpy as np
 
 from rhs.api.trajectory import ALIGNMENTS, Trajectory, read_tum
-from rhs.base.errors import ConfigError, check_choice, check_range
+from rhs.base.errors import ConfigError, check_choice, check_range, told, where
 from rhs.config import registry
 from rhs.config.dictionary import GROUPS, RUN, TASKS, metrics_by_group
 from rhs.runfolder.row import plain_value
@@ -104,12 +103,5 @@ def evaluate(folder: Path, task: str = "patrol") -> Values:
                 raise
             except BaseException as error:  # a plugin may raise anything, even exit
                 values[metric.name] = metric.unknown
-                failures.append(f"{metric.name}: {type(error).__name__}: {str(error)[:LONGEST_FAULT]}{_where(error)}")
+                failures.append(f"{metric.name}: {told(error)[:LONGEST_FAULT]}{where(error)}")
     return values | {"metric_failures": "; ".join(failures)[:2000]} if failures else values
-
-
-def _where(error: BaseException) -> str:
-    """The line of a stranger's file that was called, in brackets; nothing where there is none."""
-    frames = [(Path(frame.f_code.co_filename).name, line) for frame, line in traceback.walk_tb(error.__traceback__)
-              if not str(frame.f_globals.get("__name__")).startswith("rhs.")]
-    return f" ({frames[0][0]}:{frames[0][1]})" if frames else ""

@@ -23,7 +23,7 @@ def in_one_line(error: BaseException, at: str, config: RunConfig, parts: Mapping
     and line of its own package. parts: kind -> the part as it was built."""
     if isinstance(error.__cause__, StopIteration):  # what Python makes of one that leaves a generator: next() without an end
         error = error.__cause__
-    said = _said(error)
+    said = words_of(error)
     text = plain(f"{type(error).__name__}{at}: {said}".removesuffix(": "))
     who, line = raised_in(error, config, parts)
     named = tuple(called(kind, one) for kind, one in {"task": config.task, **config.parts}.items())
@@ -94,10 +94,3 @@ def exit_noticed(tell: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         os._exit = leave
-
-
-def _said(error: BaseException) -> str:
-    try:
-        return words_of(error)
-    except BaseException:
-        return "(its text cannot be shown)"

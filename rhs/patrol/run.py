@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping
 from copy import deepcopy
@@ -66,13 +67,13 @@ def run_steps(config: RunConfig, folder: Path, watch: Watch = unwatched, *,
     check_live(config.live)
     run, process = RunContext(config, folder, watch, shared, keep, building, drawn), os.getpid()
     row: dict[str, Any] = identity(config)
-    begin_row(folder, row)
-    row |= {"commit": commit(), "versions": versions()}
     run.looks_for_draws = alone and bool(row["plugins"])
     columns: Mapping[str, Any] = {}
     cause: BaseException | None = None
     with exit_noticed(lambda reason: run_ended(run, row, reason)):
         try:
+            begin_row(folder, row)
+            row |= {"commit": commit(), "versions": versions()}
             columns = yield from run.work()
         except ConfigError as error:
             if not run.begun:
@@ -184,6 +185,7 @@ class RunContext:
         self.began_s = time.perf_counter() - sum(led.took_s for led in (shared, drawn) if led is not None)
         self.looks_for_draws = False
         self._generators = global_states()
+        self._path = list(sys.path)
 
     def work(self) -> Generator[Step, None, Mapping[str, Any]]:
         """Build the task's job and run it; the columns that the task knows."""
@@ -294,6 +296,7 @@ class RunContext:
     def close(self, status: str, reason: str) -> BaseException | None:
         """Close sources and files, each whatever became of the others; the first refusal."""
         grant(False)
+        sys.path += [one for one in self._path if one not in sys.path]  # or nobody is found any more
         closers = [eyes.close for eyes in self._eyes]
         closers += [parts.source.close for parts in self._built if parts.source is not None]
         if self.log is not None:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from rhs.api.engine import Engine
-from rhs.base.errors import ContractError, EngineError, RhsError
+from rhs.base.errors import ContractError, EngineError, RhsError, told, where
 from rhs.runfolder.folders import job_folder
 from rhs.runfolder.shards import Line, parsed, words_key
 
@@ -96,7 +96,7 @@ class Driver:
             self._close(now=True)
             if isinstance(error, RhsError | KeyboardInterrupt):
                 raise
-            raise EngineError(f"{type(error).__name__}: {' '.join(str(error).split())[:300]}") from error
+            raise EngineError(f"{told(error)[:300]}{where(error)}") from error
         self._close(now=False)
 
     def _close(self, now: bool) -> None:
@@ -105,9 +105,8 @@ class Driver:
             future.cancel()
         try:
             self.engine.close(now=now)
-        except Exception as error:
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            log.warning("rhs: the engine could not be closed: %s", said[:300])
+        except (Exception, SystemExit) as error:
+            log.warning("rhs: the engine could not be closed: %s", told(error)[:300])
 
     def _fill(self, executor: Executor, coming: Iterator[list[str]]) -> bool:
         """Keep twice as many chunks out as can run; whether there are any."""
@@ -163,7 +162,7 @@ class Driver:
         """A chunk came back without rows."""
         part.tries += 1
         self._faults += 1
-        self._fault = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        self._fault = told(error)[:200]
         if self._faults > TRIES * self.engine.width + TRIES:
             raise EngineError(f"{self._fault} ({self._faults} times)") from error
         if part.tries < TRIES:

@@ -26,7 +26,7 @@ from pathlib import Path
 from types import ModuleType
 
 from rhs.base.errors import RhsError
-from rhs.base.processes import SWEEP_PATH, steady
+from rhs.base.processes import SWEEP_PATH, SWEEP_PRELOAD, steady
 from rhs.base.system import processors
 from rhs.config.compose import identity, to_plain
 from rhs.config.loose import carried
@@ -59,7 +59,8 @@ def run_jobs(jobs: Iterable[Job], sweep: Path, limits: Limits, *, tell: Callable
     twice: it is killed. Either way the exception is raised again when all processes are gone."""
     pool = _Pool(iter(jobs), sweep, limits, tell)
     pool.outcome = outcome or pool.outcome
-    pool.server.set_forkserver_preload([*PRELOAD, *preload])
+    pool.server.set_forkserver_preload(PRELOAD)
+    pool.preload = preload
     try:
         while True:
             pool.fill()
@@ -96,6 +97,7 @@ class _Pool:
         self.outcome = Outcome()
         self.compiling = False
         self.tries: Counter = Counter()
+        self.preload: Sequence[str] = ()
         self.suspects: set[str] = set()  # ran when the server was killed: they are tried again, last and alone
         self.context, self.server = multiprocessing.get_context("forkserver"), _server()
         self.lifeline, self.our_end = self.context.Pipe(duplex=False)  # breaks when this process dies: the jobs end with it
@@ -173,7 +175,7 @@ class _Pool:
 
     def _process(self, target: Callable[..., None], *arguments: object) -> multiprocessing.process.BaseProcess:
         process = self.context.Process(target=target, args=arguments, daemon=False)
-        with _STARTING, _as_on_the_command_line(self.server):
+        with _STARTING, _as_on_the_command_line(self.server, self.preload):
             process.start()
         return process
 
@@ -301,14 +303,14 @@ def _left_by_key(sweep: Path) -> dict[str, list[Path]]:
 
 
 @contextlib.contextmanager
-def _as_on_the_command_line(server: forkserver.ForkServer) -> Iterator[None]:
+def _as_on_the_command_line(server: forkserver.ForkServer, preload: Sequence[str]) -> Iterator[None]:
     """For the start of a process by this server: its sums are steady, whoever sweeps, and our path for modules.
     multiprocessing would run the file of the main module again in each process: what a job needs of it, it is sent.
     Ctrl-C waits, and is none of the server's while that loads (`server.py`)."""
     main, environment, connect = sys.modules["__main__"], dict(os.environ), forkserver.connect_to_new_process
     resource_tracker.ensure_running()  # which would take the block away again
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    ours = steady() | {SWEEP_PATH: os.pathsep.join(sys.path)}
+    ours = steady() | {SWEEP_PATH: os.pathsep.join(sys.path), SWEEP_PRELOAD: " ".join(preload)}
     os.environ |= ours
     sys.modules["__main__"], forkserver.connect_to_new_process = ModuleType("__main__"), server.connect_to_new_process
     try:

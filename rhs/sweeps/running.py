@@ -13,7 +13,7 @@ from pathlib import Path
 from rhs.api.contracts import complete
 from rhs.api.engine import Engine, EngineContext
 from rhs.api.files import replacing
-from rhs.base.errors import ConfigError, ContractError, EngineError, RhsError
+from rhs.base.errors import ConfigError, ContractError, EngineError, RhsError, told, where
 from rhs.config.compose import Composer
 from rhs.config.loose import carried
 from rhs.runfolder.shards import words_key
@@ -143,10 +143,10 @@ class Run:
             return check_engine(complete("engine", self.plan.choice.settings.build(context)))
         except ContractError as error:
             raise ConfigError(f"engine={self.plan.choice.engine}: {error}") from error
-        except RhsError:
+        except (RhsError, KeyboardInterrupt):
             raise
-        except Exception as error:
-            raise EngineError(f"engine={self.plan.choice.engine}: {type(error).__name__}: {error}") from error
+        except BaseException as error:  # somebody's may even exit
+            raise EngineError(f"engine={self.plan.choice.engine}: {told(error)[:300]}{where(error)}") from error
 
     def _words(self) -> Iterator[list[str]]:
         """The words of each job that is not finished."""

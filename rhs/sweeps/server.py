@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import os
 import signal
 import sys
 import warnings
 
 from rhs.api.contracts import PLUGIN_KINDS
-from rhs.base.processes import SWEEP_PATH, adopt_orphans
+from rhs.base.processes import SWEEP_PATH, SWEEP_PRELOAD, adopt_orphans
 from rhs.base.provenance import commit, versions
 from rhs.config import registry
 
@@ -25,3 +27,6 @@ for _kind in PLUGIN_KINDS:  # strangers' plugins are listed, and imported in the
             registry.load(_kind, _name)
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that sweeps answers it; it was blocked until here
 signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+for _name in os.environ[SWEEP_PRELOAD].split():
+    with contextlib.suppress(BaseException):  # it may raise anything, even exit: the jobs that want it say so
+        importlib.import_module(_name)

@@ -162,3 +162,15 @@ def _local():
     exec(SOURCE, scope)
     scope["Direct"].__qualname__ = "_local.<locals>.Direct"
     return scope["Direct"]
+
+
+@pytest.mark.parametrize("ends", ["raise SystemExit(3)", "raise ValueError"])
+def test_a_module_to_preload_that_fails_costs_no_job(ends, tmp_path, monkeypatch):
+    """The process that jobs are forked from lives on, and the rows are there. Seen: an EOFError, and a sweep without end."""
+    (tmp_path / "fails_when_loaded.py").write_text(f"{ends}\n")
+    asks = '    preload: ClassVar = ("fails_when_loaded",)\n    needs:'
+    (tmp_path / "direct.py").write_text(SOURCE.replace("    needs:", asks))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    words = ["--plugin", str(tmp_path / "direct.py"), "-m", *SWEEP, f"output={tmp_path / 's'}"]
+    assert main(words) == 0
+    assert [read_row(path)["status"] for path in (tmp_path / "s").glob("*/row.json")] == ["ok", "ok"]
