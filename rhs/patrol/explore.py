@@ -69,7 +69,8 @@ class Explorer(Sentinel):
         grid = self.mapper.grid()
         self.low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())
         self.looks: list[Look] = []  # in vain
-        self.stood = np.zeros(grid.shape, bool)
+        self.stood, self.beside = np.zeros(grid.shape, bool), np.zeros(grid.shape, bool)
+        self.hemmed_in = False  # no plan leads away from where it began: what nobody saw beside its body is free, then
         self.inside = _within(grid, facts.bounds_m)
         self.matcher: ScanMatcher | None = None
         self.views_in_all = 0
@@ -122,7 +123,8 @@ class Explorer(Sentinel):
 
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
         pose = planar(belief.map_from_body)
-        self.stood |= self._covered(pose[:2])
+        self.stood |= self._covered(pose[:2], self.radius_m)
+        self.beside |= self._covered(pose[:2], self.radius_m + self.settings.margin_m + self.grid.resolution_m)
         self.explored_views += not self.stop
         if self.book.current is not None and not self.stop and not self.queued and self._seen_already():
             self._finish(MissionStatus.ARRIVED, "seen on the way", [])
@@ -138,6 +140,10 @@ class Explorer(Sentinel):
             return False
         frontiers = self._frontiers()
         view = None if self.stop else frontiers.best(pose)
+        if view is None and not self.stop and not self.hemmed_in and self._never_arrived():
+            self.hemmed_in, self.looks = True, []
+            frontiers = self._frontiers()
+            view = frontiers.best(pose)
         self.stop = self.stop or self._why_stop(frontiers, left=view is not None)
         self._take_map(frontiers.grid)
         if view is None or self.stop:
@@ -147,6 +153,11 @@ class Explorer(Sentinel):
             place = (f"view {len(self.book.places)}", float(view.at_m[0]), float(view.at_m[1]))
         self.book.places = (*self.book.places, place)
         return True
+
+    def _never_arrived(self) -> bool:
+        """Whether it got to none of the viewpoints that it chose."""
+        chosen = self.book.missions[1:]
+        return bool(chosen) and all(mission.status is not MissionStatus.ARRIVED for mission in chosen)
 
     def _unseen_place(self, frontiers: Frontiers, pose: np.ndarray) -> Place | None:
         """The nearest place to visit that the robot has not been near; None where there is none it can get to."""
@@ -183,15 +194,15 @@ class Explorer(Sentinel):
         """The map so far, with what stands below the camera, what was touched, and where the robot has been."""
         grid = self.mapper.grid()
         probability = grid.probability.copy()
-        probability[self.stood] = STOOD
+        probability[self.stood | (self.beside & ~grid.occupied() & self.hemmed_in)] = STOOD
         probability[self.low.votes >= FURNITURE_VOTES] = FURNITURE
         return replace(grid, probability=probability)
 
-    def _covered(self, at_m: np.ndarray) -> np.ndarray:
-        """(H, W) bool: the cells under the robot's body."""
+    def _covered(self, at_m: np.ndarray, radius_m: float) -> np.ndarray:
+        """(H, W) bool: the cells under a disc."""
         rows, columns = np.ogrid[:self.grid.shape[0], :self.grid.shape[1]]
         x, y = (at_m - np.array(self.grid.origin_m)) / self.grid.resolution_m - 0.5
-        return (columns - x) ** 2 + (rows - y) ** 2 <= (self.radius_m / self.grid.resolution_m) ** 2
+        return (columns - x) ** 2 + (rows - y) ** 2 <= (radius_m / self.grid.resolution_m) ** 2
 
     def _seen_already(self) -> bool:
         """Whether the viewpoint that the robot is driving to shows nothing new any more, or the budget is spent."""
