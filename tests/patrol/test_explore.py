@@ -112,6 +112,17 @@ def test_viewpoints_to_which_no_plan_leads_are_not_chosen_for_ever():
     assert explorer.stop.startswith("no frontier") and len(out) < 200
 
 
+def test_what_nobody_saw_beside_a_robot_is_free_only_where_no_plan_leads_away(whole):
+    _, explorer, _ = whole
+    assert not explorer.hemmed_in
+    stuck, _ = explore(Flatland(house(), START, ()), planner=Nowhere())
+    assert stuck.hemmed_in
+    reached = np.argwhere(stuck.beside)
+    gaps_m = np.linalg.norm(stuck.grid.centres(reached) - START[:2], axis=1)
+    assert stuck.radius_m < gaps_m.max() < stuck.radius_m + stuck.settings.margin_m + 2 * stuck.grid.resolution_m
+    assert stuck._drawn().free()[stuck.beside & ~stuck.mapper.grid().occupied()].all()
+
+
 class Bumped(Explorer):
     """Touches something once, where what it was driving to is seen already (the first time its look round is over)."""
 
