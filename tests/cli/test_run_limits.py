@@ -46,7 +46,7 @@ def run(folder, *words):
 
 
 @pytest.mark.parametrize(("words", "status", "reason"), [
-    (["--timeout", "1"], "timeout", "took longer than the 1 s of --timeout in planner=Hangs"),
+    (["--timeout", "4"], "timeout", "took longer than the 4 s of --timeout in planner=Hangs"),
     (["--timeout", "1", "planner.deaf=true"], "timeout", "took longer than the 1 s of --timeout"),
     (["--memory-mb", "20"], "killed", "took more memory than the 20 MB of --memory-mb")])
 def test_a_run_that_hangs_ends_with_a_row_that_says_why(tmp_path, words, status, reason):
