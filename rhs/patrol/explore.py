@@ -19,7 +19,7 @@ from rhs.api.contracts import Blockage, Blocked, Source
 from rhs.api.errors import ConfigError
 from rhs.api.frozen import freeze
 from rhs.api.geometry import planar, se2, wrap
-from rhs.api.grid import OccupancyGrid, nearest_open
+from rhs.api.grid import OccupancyGrid, inflate, nearest_open
 from rhs.api.records import Belief, Capture, Event, MissionStatus, Motion, Observation, Scan, Step, Twist
 from rhs.api.task import Parts
 from rhs.estimation.scans.settings import MatchSettings, VoteSettings
@@ -69,7 +69,7 @@ class Explorer(Sentinel):
         grid = self.mapper.grid()
         self.low = Votes(grid.shape, grid.resolution_m, grid.origin_m, VoteSettings())
         self.looks: list[Look] = []  # in vain
-        self.stood, self.beside = np.zeros(grid.shape, bool), np.zeros(grid.shape, bool)
+        self.stood = np.zeros(grid.shape, bool)
         self.hemmed_in = False  # no plan leads away from where it began: what nobody saw beside its body is free, then
         self.inside = _within(grid, facts.bounds_m)
         self.matcher: ScanMatcher | None = None
@@ -123,8 +123,7 @@ class Explorer(Sentinel):
 
     def decide(self, belief: Belief, scan: Scan | None) -> Decision:
         pose = planar(belief.map_from_body)
-        self.stood |= self._covered(pose[:2], self.radius_m)
-        self.beside |= self._covered(pose[:2], self.radius_m + self.settings.margin_m + self.grid.resolution_m)
+        self.stood |= self._covered(pose[:2])
         self.explored_views += not self.stop
         if self.book.current is not None and not self.stop and not self.queued and self._seen_already():
             self._finish(MissionStatus.ARRIVED, "seen on the way", [])
@@ -194,15 +193,18 @@ class Explorer(Sentinel):
         """The map so far, with what stands below the camera, what was touched, and where the robot has been."""
         grid = self.mapper.grid()
         probability = grid.probability.copy()
-        probability[self.stood | (self.beside & ~grid.occupied() & self.hemmed_in)] = STOOD
+        if self.hemmed_in:
+            beside = inflate(self.stood, self.settings.margin_m / grid.resolution_m + 1.0)
+            probability[beside & ~grid.occupied()] = STOOD
+        probability[self.stood] = STOOD
         probability[self.low.votes >= FURNITURE_VOTES] = FURNITURE
         return replace(grid, probability=probability)
 
-    def _covered(self, at_m: np.ndarray, radius_m: float) -> np.ndarray:
-        """(H, W) bool: the cells under a disc."""
+    def _covered(self, at_m: np.ndarray) -> np.ndarray:
+        """(H, W) bool: the cells under the robot's body."""
         rows, columns = np.ogrid[:self.grid.shape[0], :self.grid.shape[1]]
         x, y = (at_m - np.array(self.grid.origin_m)) / self.grid.resolution_m - 0.5
-        return (columns - x) ** 2 + (rows - y) ** 2 <= (radius_m / self.grid.resolution_m) ** 2
+        return (columns - x) ** 2 + (rows - y) ** 2 <= (self.radius_m / self.grid.resolution_m) ** 2
 
     def _seen_already(self) -> bool:
         """Whether the viewpoint that the robot is driving to shows nothing new any more, or the budget is spent."""

@@ -117,10 +117,12 @@ def test_what_nobody_saw_beside_a_robot_is_free_only_where_no_plan_leads_away(wh
     assert not explorer.hemmed_in
     stuck, _ = explore(Flatland(house(), START, ()), planner=Nowhere())
     assert stuck.hemmed_in
-    reached = np.argwhere(stuck.beside)
-    gaps_m = np.linalg.norm(stuck.grid.centres(reached) - START[:2], axis=1)
-    assert stuck.radius_m < gaps_m.max() < stuck.radius_m + stuck.settings.margin_m + 2 * stuck.grid.resolution_m
-    assert stuck._drawn().free()[stuck.beside & ~stuck.mapper.grid().occupied()].all()
+    stuck.mapper.reset()  # nobody saw anything
+    freed = stuck.grid.centres(np.argwhere(stuck._drawn().free())) - START[:2]
+    beside_m = stuck.radius_m + stuck.settings.margin_m
+    assert beside_m < np.linalg.norm(freed, axis=1).max() < beside_m + 2 * stuck.grid.resolution_m
+    stuck.hemmed_in = False
+    assert (stuck._drawn().free() == stuck.stood).all()
 
 
 class Bumped(Explorer):
