@@ -51,43 +51,20 @@ def open_sens(path: Path, settings) -> Recording:
     file = _file(path)
     if file is None:
         raise ConfigError(f"{path}: no .sens file")
-    try:
-        header, views = _index(file)
-    except (struct.error, ValueError) as error:
-        raise ConfigError(f"{file}: cannot be read as ScanNet's .sens ({error}); expected version {VERSION}") from None
-    matrices, kinds, sizes, steps, expected = header
-    if not views or kinds[1] not in (ZLIB, RAW) or not steps > 0.0:
-        raise ConfigError(f"{file}: found {len(views)} whole views, depth of compression {kinds[1]}, {steps:g} steps in a "
-                          "metre; expected depth packed by zlib (1) or raw (0)")
-    color, depth = (Camera(width, height, m[0, 0], m[1, 1], m[0, 2], m[1, 2]) for m, (width, height) in
-                    zip((matrices[0], matrices[2]), sizes, strict=True))
+    matrices, packed, sizes, steps, expected, views = _checked(file)
+    camera, beside = _cameras(file, matrices, sizes, settings)
     scale = settings.depth_scale or steps
-    camera = resized(chosen_camera(settings.camera, sizes[0], recorded=color, where=str(file)), sizes[1])
-    apart = inverse(check_pose(matrices[1], f"{file}: colour")) @ check_pose(matrices[3], f"{file}: depth")
-    near = np.allclose([camera.fx, camera.fy, camera.cx, camera.cy], [depth.fx, depth.fy, depth.cx, depth.cy],
-                       atol=SAME * depth.width)
-    one = near and np.allclose(apart, np.eye(4), atol=1e-4)
-    beside = None if one else DepthCamera(depth.fx, depth.fy, depth.cx, depth.cy, apart)
-    camera = placed_camera(camera, settings)
     stamps = np.array([view.stamp_us for view in views]) * 1e-6
     timed = len(stamps) > 1 and bool((np.diff(stamps) > 0.0).all()) and not settings.rate_hz
     stamps = stamps if timed else np.arange(len(views)) / (settings.rate_hz or RATE_HZ)
 
     def deep(i: int, max_depth_m: float) -> np.ndarray:
-        raw = _bytes(file, views[i].depth)
-        try:
-            raw = zlib.decompressobj().decompress(raw, 2 * sizes[1][0] * sizes[1][1] + 1) if kinds[1] == ZLIB else raw
-            shown = np.frombuffer(raw, "<u2").reshape(sizes[1][::-1])
-        except (zlib.error, ValueError) as error:
-            raise UnreadableImage(f"{file.name}: depth of view {i}: {error}") from None
-        return metres(shown, scale=scale, max_depth_m=max_depth_m, where=f"{file.name}: depth of view {i}")
+        where = f"{file.name}: depth of view {i}"
+        shown = _depth(_bytes(file, views[i].depth), sizes[1], where, packed=packed)
+        return metres(shown, scale=scale, max_depth_m=max_depth_m, where=where)
 
     def read(i: int, before: int | None) -> dict[str, Any]:
-        packed = _bytes(file, views[i].color)
-        check_size(packed[:HEAD_BYTES], f"{file.name}: colour of view {i}")
-        image = cv2.imdecode(np.frombuffer(packed, np.uint8), cv2.IMREAD_COLOR_RGB) if packed else None
-        if image is None or image.shape[1::-1] != sizes[0]:
-            raise UnreadableImage(f"{file.name}: colour of view {i} is no JPEG or PNG of {sizes[0][0]}x{sizes[0][1]} pixels")
+        image = _color(_bytes(file, views[i].color), sizes[0], f"{file.name}: colour of view {i}")
         seen = deep(i, settings.max_depth_m)
         return {"image": image if sizes[0] == sizes[1] else shrunk(image, sizes[1]),
                 "depth": seen if beside is None else beside.registered(seen, camera)}
@@ -109,6 +86,47 @@ def open_sens(path: Path, settings) -> Recording:
     if len(views) < expected:
         recording.lost.append(f"{file.name} is cut: it holds {len(views)} of {expected} views")
     return recording
+
+
+def _checked(file: Path) -> tuple:
+    """(matrices, whether depth is packed, sizes (width, height), steps a metre, views said, views that are there)."""
+    try:
+        (matrices, kinds, sizes, steps, expected), views = _index(file)
+    except (struct.error, ValueError) as error:
+        raise ConfigError(f"{file}: cannot be read as ScanNet's .sens ({error}); expected version {VERSION}") from None
+    if not views or kinds[1] not in (ZLIB, RAW) or not steps > 0.0:
+        raise ConfigError(f"{file}: found {len(views)} whole views, depth of compression {kinds[1]}, {steps:g} steps in a "
+                          "metre; expected depth packed by zlib (1) or raw (0)")
+    return matrices, kinds[1] == ZLIB, sizes, steps, expected, views
+
+
+def _cameras(file: Path, matrices: list[np.ndarray], sizes: tuple, settings) -> tuple[Camera, DepthCamera | None]:
+    """Of colour, at the size of depth, and of depth where that is another."""
+    color, depth = (Camera(width, height, m[0, 0], m[1, 1], m[0, 2], m[1, 2]) for m, (width, height) in
+                    zip((matrices[0], matrices[2]), sizes, strict=True))
+    camera = resized(chosen_camera(settings.camera, sizes[0], recorded=color, where=str(file)), sizes[1])
+    apart = inverse(check_pose(matrices[1], f"{file}: colour")) @ check_pose(matrices[3], f"{file}: depth")
+    near = np.allclose([camera.fx, camera.fy, camera.cx, camera.cy], [depth.fx, depth.fy, depth.cx, depth.cy],
+                       atol=SAME * depth.width)
+    one = near and np.allclose(apart, np.eye(4), atol=1e-4)
+    return placed_camera(camera, settings), None if one else DepthCamera(depth.fx, depth.fy, depth.cx, depth.cy, apart)
+
+
+def _color(packed: bytes, size: tuple[int, int], where: str) -> np.ndarray:
+    check_size(packed[:HEAD_BYTES], where)
+    image = cv2.imdecode(np.frombuffer(packed, np.uint8), cv2.IMREAD_COLOR_RGB) if packed else None
+    if image is None or image.shape[1::-1] != size:
+        raise UnreadableImage(f"{where} is no JPEG or PNG of {size[0]}x{size[1]} pixels")
+    return image
+
+
+def _depth(raw: bytes, size: tuple[int, int], where: str, *, packed: bool) -> np.ndarray:
+    """(height, width) steps of depth."""
+    try:
+        raw = zlib.decompressobj().decompress(raw, 2 * size[0] * size[1] + 1) if packed else raw
+        return np.frombuffer(raw, "<u2").reshape(size[::-1])
+    except (zlib.error, ValueError) as error:
+        raise UnreadableImage(f"{where}: {error}") from None
 
 
 def _file(path: Path) -> Path | None:
