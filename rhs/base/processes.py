@@ -10,12 +10,14 @@ import contextlib
 import ctypes
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from .system import CAN_FORK, ENDINGS, KILL, PAGE_BYTES, vector_units
 
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
+AGAIN_S = 0.05
 # Environment of a process whose sums must not depend on how many threads share them ...
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
            "OPENCV_FOR_THREADS_NUM")
@@ -79,6 +81,13 @@ def raises(error: type[BaseException], *, once: bool = False) -> Callable[[int, 
     if CAN_FORK:
         os.register_at_fork(after_in_child=as_usual)
     return handle
+
+
+def send_again(number: int) -> None:
+    """That signal to this process, a moment later."""
+    timer = threading.Timer(AGAIN_S, os.kill, (os.getpid(), number))
+    timer.daemon = True
+    timer.start()
 
 
 def children(pid: int) -> list[int]:

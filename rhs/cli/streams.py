@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
 import threading
 import traceback
@@ -15,6 +16,7 @@ from typing import Any
 
 from rhs.base.commands import LONGEST, plain, shortened
 from rhs.base.errors import words_of
+from rhs.base.processes import send_again
 
 
 @contextlib.contextmanager
@@ -67,6 +69,9 @@ def tell_errors_beside() -> None:
     told: set[str] = set()
 
     def tell(where: str, error: BaseException | None, raised: TracebackType | None) -> None:
+        if isinstance(error, KeyboardInterrupt):  # Ctrl-C as a library called back, where nothing can be raised
+            send_again(signal.SIGINT if type(error) is KeyboardInterrupt else signal.SIGTERM)
+            return
         frames = list(traceback.walk_tb(raised))
         place = f", {_short(frames[-1][0].f_code.co_filename)}:{frames[-1][1]}" if frames else ""
         said = f"rhs: error in {where}{place}: {type(error).__name__}"

@@ -35,6 +35,12 @@ class Hangs:
                 if not self.deaf:
                     raise
 '''
+BACK = HANGS.replace("Hangs", "Back").replace("import time", "import ctypes, os, signal, time").replace(
+    "        while True:", """        def called():
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.2)
+        ctypes.CFUNCTYPE(None)(called)()
+        while True:""")
 START = ("import sys; from rhs.cli import one_run; from rhs.cli.main import entry; "
          "one_run.GRACE_S = 0.5; sys.exit(entry())")
 
@@ -54,6 +60,14 @@ def test_a_run_that_hangs_ends_with_a_row_that_says_why(tmp_path, words, status,
     row = json.loads((tmp_path / "run" / "row.json").read_text())
     assert done.returncode == 1 and row["status"] == status and row["reason"].startswith(reason) and row["success"] == 0.0
     assert f"rhs: {status}: {reason}" in done.stderr and done.stderr.count("rhs: ") == 1
+
+
+def test_a_signal_that_comes_as_a_library_calls_back_is_not_lost(tmp_path):
+    (tmp_path / "back.py").write_text(BACK)
+    words = ["--plugin", "back.py", "task=planning", "world=map1", "planner=Back", "output=run"]
+    done = subprocess.run([sys.executable, "-m", "rhs", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    row = json.loads((tmp_path / "run" / "row.json").read_text())
+    assert done.returncode == 143 and row["status"] == "interrupted" and done.stderr.count("rhs: ") == 1, done.stderr
 
 
 @pytest.mark.parametrize(("words", "says"), [
