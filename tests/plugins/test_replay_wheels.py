@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bags import KINDS, BagFile
 
+from rhs.api.errors import ConfigError
 from rhs_sources.replay import open_recording
 from rhs_sources.replay_config import Replay
 
@@ -70,3 +71,39 @@ def test_views_that_were_taken_earlier_than_stamped_get_the_wheels_of_then(tmp_p
     assert [capture.stamp_s for capture, _ in recording] == pytest.approx([1.0 + 0.1 * k for k in range(17)])
     assert [float(capture.travel[0]) for capture, _ in recording[1:]] == pytest.approx(
         [(0.1 * k) ** 2 - (0.1 * k - 0.1) ** 2 for k in range(1, 17)])
+
+
+def driven(folder, *odometry, linked=()):
+    """A laser and topics of Odometry (frames odom and base, 0.1 m a scan), and the same as a link of tf."""
+    folder.mkdir(exist_ok=True)
+    with BagFile(folder, "ros2_mcap") as bag:
+        for k in range(12):
+            stamp = 1.0 + 0.1 * k
+            for topic in odometry:
+                bag.odometry(topic, stamp, 0.1 * k, 0.0, 0.0)
+            for parent, child in linked:
+                bag.transform("/tf", stamp, parent, child, 0.1 * k)
+            bag.scan("/scan", stamp, [2.0, 3.0, 4.0])
+    return bag.path
+
+
+@pytest.mark.parametrize("linked", [(), [("odom", "base")]])  # the same told by tf too
+@pytest.mark.parametrize("topic", ["/odom", "/ground_truth/state"])
+def test_the_topic_that_is_typed_as_the_truth_is_not_taken_for_wheels(tmp_path, topic, linked):
+    recording = opened(driven(tmp_path, topic, linked=linked), truth_topic=topic)
+    views = list(recording.views)
+    assert "wheel" not in recording.provides and [view.travel for view, _ in views] == [None] * 12
+    assert views[10][1][0, 3] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("topic", ["/ground_truth/odom", "/base_pose_ground_truth", "/gt_odom", "/vicon/robot/odom"])
+def test_odometry_that_is_the_truth_by_its_name_is_not_taken_for_wheels_unless_typed(tmp_path, caplog, topic):
+    alone, beside = driven(tmp_path / "a", topic), driven(tmp_path / "b", "/odom", topic)
+    assert "wheel" not in opened(alone).provides and f"{topic}: by its name the truth" in caplog.text
+    assert "wheel" in opened(alone, wheel_topic=topic).provides
+    assert "wheel" in opened(beside).provides and "wheel" in opened(beside, truth_topic=topic).provides
+
+
+def test_wheels_and_truth_of_one_topic_are_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"are both /odom: .* type source\.wheel_topic=none"):
+        opened(driven(tmp_path, "/odom"), truth_topic="/odom", wheel_topic="/odom")

@@ -30,7 +30,7 @@ from .files import opened
 from .held import encodings_in, topics_in
 from .own_frame import check_scanners_own, own_place, place_in_frame
 from .pairs import right_camera
-from .topics import Topics, choose_topics
+from .topics import Topics, choose_topics, true_odometry
 from .truth import read_truth
 from .turning import Turning, turning_in
 from .wheels import beside_wheels, odometry_in_tf, wheel_readings
@@ -170,7 +170,10 @@ def _turning(reader, topics: Topics, settings, placed: Placed) -> Turning:
 
 
 def _with_wheels(reader, topics: Topics, settings, moving: dict[str, str]) -> Topics:
-    """The topics, with the wheels that only tf tells of."""
+    """The topics, with the wheels that only tf tells of, unless these are the link that a topic of the truth tells too."""
+    true = {(_frame(reader, topic).strip("/"), _frame(reader, topic, moved=True).strip("/"))
+            for topic in true_odometry(topics_in(reader), settings)}
+    moving = {child: parent for child, parent in moving.items() if (parent, child) not in true}
     link = None if topics.wheel or settings.wheel_topic else odometry_in_tf(moving, settings.truth_frame)
     if link is None:
         return topics

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os.path import commonprefix
@@ -23,6 +25,8 @@ LEFT = (("left", "right"), ("infra1", "infra2"), ("infrared_1", "infrared_2"), (
         ("camera0", "camera1"), ("camera_0", "camera_1"), ("fisheye1", "fisheye2"), ("image_0", "image_1"),
         ("cam1", "cam2"))  # in the names of a pair
 NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
+TRUE = re.compile(r"truth|mocap|vicon|optitrack|qualisys|(?<![a-z])gt(?![a-z])", re.I)  # in those of poses not to go by
+log = logging.getLogger("rhs.replay")
 
 
 @dataclass(frozen=True)
@@ -87,13 +91,14 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     def of(*kinds: str) -> list[str]:
         return [t for t, kind in found.items() if kind.rsplit("/", 1)[-1] in kinds]
 
+    wheel = pick("wheel", _no_truth(of("Odometry"), found, settings, where))
     if settings.stereo:
         left, right = _two_eyes([t for t in images if t not in deep], settings, where)
         infos, scan = of("CameraInfo"), pick("scan", of(*KINDS["scan"]))
         told = [next(iter(near), "") if len(near := _beside(eye, infos)) == 1 else "" for eye in (left, right)]
         if told[0] == told[1]:  # of one of the two
             told = ["" if eye not in _beside(told[0], [left, right]) else told[0] for eye in (left, right)]
-        return Topics(left, info=told[0], scan=scan, wheel=pick("wheel", of("Odometry")), right=right, right_info=told[1])
+        return Topics(left, info=told[0], scan=scan, wheel=wheel, right=right, right_info=told[1])
     alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": CLOUDS}.get(settings.views, ())
     if of(*alone):
         plain, deep = [], []
@@ -116,7 +121,27 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     infos = of("CameraInfo")
     info = pick("info", infos, color) if color else ""
     deep = _beside(depth, infos) if depth else []
-    return Topics(color, depth, cloud, info, scan, pick("wheel", of("Odometry")), deep[0] if len(deep) == 1 else "")
+    return Topics(color, depth, cloud, info, scan, wheel, deep[0] if len(deep) == 1 else "")
+
+
+def true_odometry(found: Mapping[str, str], settings) -> list[str]:
+    """The topics of Odometry that are the truth, as it was typed or as their names say; none that was typed for the
+    wheels."""
+    return [topic for topic, kind in found.items() if kind.endswith("/Odometry") and topic != settings.wheel_topic
+            and (topic == settings.truth_topic or TRUE.search(topic))]
+
+
+def _no_truth(odometry: list[str], found: dict[str, str], settings, where: str) -> list[str]:
+    """Of the topics of Odometry those that may be wheels, what else is left out being said. Raises ConfigError where the
+    truth was typed for the wheels."""
+    if settings.truth_topic and settings.wheel_topic == settings.truth_topic:
+        raise ConfigError(f"{where}: source.wheel_topic and source.truth_topic are both {settings.wheel_topic}: an estimate "
+                          "made of the truth says nothing; type source.wheel_topic=none, or the topic of the wheels")
+    true = true_odometry(found, settings)
+    if true and not settings.truth_topic and not settings.wheel_topic:
+        log.warning("%s: by its name the truth, and not taken for wheels (source.truth_topic=%s judges by it, "
+                    "source.wheel_topic=%s goes by it)", ", ".join(true), true[0], true[0])
+    return [topic for topic in odometry if topic not in true]
 
 
 def _two_eyes(images: list[str], settings, where: str) -> tuple[str, str]:
