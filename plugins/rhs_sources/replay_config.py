@@ -31,7 +31,8 @@ class Replay(PartSettings):
     """How to read the path: auto, tum, seven_scenes, kitti, kitti_raw, tartan, vkitti, euroc, run (run.mcap), bag,
     carmen, video, frames (numbered images), sens (ScanNet) or clouds; auto looks at the files."""
     depth_scale: float = within(0.0, 0.0, 1e6)
-    """Steps of a 16-bit depth image in one metre; 0 takes the format's habit (TUM 5000, 7-Scenes and ROS 1000)."""
+    """Steps of a 16-bit depth image in one metre; 0 takes what the camera's file says (depth_scale,
+    DepthMapFactor), else the format's habit (TUM 5000, 7-Scenes and ROS 1000)."""
     max_depth_m: float = within(20.0, 0.1, 1e4)
     """Depth beyond this is unknown, metres; cameras of the Kinect kind say little beyond 10 m."""
     truth: str = ""

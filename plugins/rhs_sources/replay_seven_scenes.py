@@ -20,7 +20,7 @@ import numpy as np
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse
 
-from .folders.intrinsics import depth_camera_beside, depth_scale_beside
+from .folders.intrinsics import depth_camera_beside
 from .replay_cameras import DEPTH_CAMERAS, check_pose
 from .replay_register import typed_depth_camera
 from .replay_stamps import Truth, number_of, rows
@@ -58,7 +58,7 @@ def open_seven_scenes(path: Path, settings) -> Recording:
         poses = list(np.array(poses) @ inverse(beside.color_from_depth))
     truth = Truth(np.array(stamps), np.array(poses).reshape(-1, 4, 4), 0.0) if poses else None
     lost = Counter(truth_unknown=unknown) if truth is not None else Counter()
-    return open_pairs(pairs, settings, truth=truth, default_scale=depth_scale_beside(path) or 1000.0, rejected=+lost,
+    return open_pairs(pairs, settings, truth=truth, default_scale=1000.0, rejected=+lost,
                       depth_camera=beside, timed=bool(settings.rate_hz))
 
 

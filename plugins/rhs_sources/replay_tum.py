@@ -19,7 +19,7 @@ from rhs.api.geometry import Camera, inverse, planar
 from rhs.api.records import Capture, WorldFacts
 from rhs.api.stereo import RIGHT_CAMERA, RIGHT_IMAGE
 
-from .folders.intrinsics import intrinsics_beside
+from .folders.intrinsics import depth_scale_said, intrinsics_beside
 from .folders.loris import base_from_color, wheels
 from .folders.stereo_tum import Second, check_second, second_camera
 from .replay_cameras import BONN_AXES, BONN_MARKERS, chosen_camera
@@ -106,10 +106,10 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
     Later views that cannot be read are left out and said to be lost. depth_camera: took the depth images, and they are as
     it saw them; None: they are registered to colour. place: 4x4 body_from_camera where the recording says it; odometry: of
     its wheels. second: the right camera, whose images have the names of the left ones."""
-    scale, folder = settings.depth_scale or default_scale, Path(settings.path).expanduser()
-    registered = depth_camera is None
+    folder, registered, deep = Path(settings.path).expanduser(), depth_camera is None, pairs[0][2] is not None
+    said = settings.depth_scale or (depth_scale_said(folder, settings.camera) if deep else None)
+    scale = said or default_scale
     first = _read(pairs[0], scale, settings, registered)
-    deep = pairs[0][2] is not None
     checked = not deep or _check_scale(pairs[0][2], scale, settings)
     size = (first[0].shape[1], first[0].shape[0])
     recorded = intrinsics_beside(folder, size) if settings.camera == "auto" else None
@@ -120,7 +120,7 @@ def open_pairs(pairs, settings, *, truth: Truth | None, default_scale: float, re
         raise ConfigError(f"{folder}: source.start={settings.start} but the recording has {len(pairs)} views")
 
     right = None if second is None else second.beside(camera)
-    if deep and not settings.depth_scale:
+    if deep and not said:
         hint_scale([depth for *_, depth in wanted], scale=scale, where=folder.name)
     lost: list[str] = []
     listed = [(stamp, str(color), str(depth or "")) for stamp, color, depth in wanted]  # paths take 2 kB a view

@@ -36,7 +36,7 @@ from ..replay_mounts import placed_camera
 from ..replay_stamps import associate, in_order
 from ..replay_tum import Recording
 from . import povray
-from .intrinsics import depth_scale_beside, intrinsics_beside
+from .intrinsics import depth_scale_said, intrinsics_beside
 from .kitti_raw import drive_stamps, times_beside
 from .poses import poses_beside
 from .views import Listed, led, moved, numbered, one_series, stamps_by_name, truth_of
@@ -135,8 +135,8 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
     files = [(colors[i][1], depth) for i, depth in chosen]
     deep = files[0][1] is not None
     along_rays = deep and files[0][1].suffix == povray.DEPTH
-    said = settings.depth_scale or (1.0 if along_rays else depth_scale_beside(path))
-    scale, typed = said or DEPTH_SCALE, bool(said)
+    said = settings.depth_scale or (1.0 if along_rays else depth_scale_said(path, settings.camera) if deep else None)
+    scale, typed = said or DEPTH_SCALE, bool(settings.depth_scale)
     first, mosaic = _first_image(files[0][0], path.name)
     size = (first.shape[1], first.shape[0])
     recorded = intrinsics_beside(path, size) if settings.camera == "auto" else None
@@ -150,7 +150,7 @@ def _opened(path: Path, colors, chosen, stamped, settings) -> Recording:
         return read_depth(file, scale=scale, max_depth_m=max_depth_m, typed=typed)
 
     smaller = _first_depth(first, depth_in(files[0][1], np.inf), files[0][1].name, scale) if deep else None
-    if deep and not typed:
+    if deep and not said:
         hint_scale([depth for _, depth in files], scale=scale, where=path.name)
     if smaller is not None:
         log.warning("%s: colour of %dx%d is made as small as its depth, %dx%d", path.name, *size, *smaller)

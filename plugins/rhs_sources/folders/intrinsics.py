@@ -5,13 +5,14 @@ fy, cx, cy by name; ScanNet++'s pose_intrinsic_imu.json. YAML: what ROS's
 camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx fy cx cy and the lens in one line;
 BundleFusion's info.txt; DSO's camera.txt. YAML too of Kalibr (camchain.yaml: its first camera), EuRoC, OpenCV's
 calibration, ORB-SLAM (Camera.fx) and VINS (projection_parameters). Replica's cam_params.json, one folder up, also says the
-scale of depth. Stray Scanner's camera_matrix.csv, Nerfstudio's transforms.json, COLMAP's cameras.txt; Polycam's
-cameras/NUMBER.json and ARKitScenes' .pincam of each view, of which the first is taken.
+scale of depth, as do others by name (SCALES). Stray Scanner's camera_matrix.csv, Nerfstudio's transforms.json, COLMAP's
+cameras.txt; Polycam's cameras/NUMBER.json and ARKitScenes' .pincam of each view, of which the first is taken.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import re
 from pathlib import Path
 from typing import Any
@@ -31,24 +32,59 @@ ELSE = ("cameras/*.json", "frame_*.json", "lowres_wide_intrinsics/*.pincam", "ca
 ABOVE = ("cam_params.json",)  # and one folder up
 MOST_BYTES = 60_000_000  # transforms.json and ScanNet++'s hold a pose of each view
 MOST_SCALE = 1e6
+SCALES = ("depth_scale", "png_depth_scale", "depthmapfactor", "rgbd.depthmapfactor", "depth_factor")
+LEAST_MM, SMALL_BYTES = 0.01, 1_000_000  # of a step, where it is told in millimetres (BOP); of files that hold no poses
 PINHOLES = ("pinhole", "simple_pinhole")  # models of cameras that say nothing of a lens
 COLMAP = {"SIMPLE_PINHOLE": "f cx cy", "PINHOLE": "fx fy cx cy", "SIMPLE_RADIAL": "f cx cy k1", "RADIAL": "f cx cy k1 k2",
           "OPENCV": "fx fy cx cy k1 k2 p1 p2", "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4"}
 LORIS = "d400_color_optical_frame"  # of OpenLORIS's sensors.yaml, in which cx stands before fy
+OTHER_DIST = re.compile(r"undist|distance|_model|_type")  # names with "dist" that are of no lens
+WITHIN = ("camera", "cam0", "cam", "camera_params", "intrinsic", "color", "rgb")  # what holds the numbers of a camera
 LENSES = ("plumb_bob", "rational_polynomial", "radial-tangential", "radtan", "brown", "opencv", "none", "")
+log = logging.getLogger("rhs.replay")
 HOWTO = "type source.camera=[fx,fy,cx,cy] or source.camera=FILE"
 
 
 def intrinsics_beside(folder: Path, size: tuple[int, int]) -> Camera | None:
     """The camera of the only intrinsics file in a folder; None where there is none. Raises ConfigError."""
+    found = _files_beside(folder)
+    if len(found) > 1:
+        raise ConfigError(f"{folder}: several intrinsics: {', '.join(p.name for p in found[:4])}; type source.camera=FILE")
+    return read_intrinsics(found[0], size) if found else None
+
+
+def _files_beside(folder: Path) -> list[Path]:
     found = sorted({path for pattern in NAMES for path in folder.glob(pattern) if path.is_file()})
     found = [path for path in found if "depth" not in path.name.lower()] or found  # ScanNet's intrinsics_color.txt beside
     found = [path for path in found if path.name != "metadata.json" or '"K"' in path.read_text("utf-8", "replace")]
     found = found or [folder.parent / name for name in ABOVE if (folder.parent / name).is_file()]
-    found = found or [path for pattern in ELSE for path in sorted(folder.glob(pattern))[:1]][:1]
-    if len(found) > 1:
-        raise ConfigError(f"{folder}: several intrinsics: {', '.join(p.name for p in found[:4])}; type source.camera=FILE")
-    return read_intrinsics(found[0], size) if found else None
+    return found or [path for pattern in ELSE for path in sorted(folder.glob(pattern))[:1]][:1]
+
+
+def depth_scale_said(folder: Path, camera: Any) -> float | None:
+    """Steps of a depth image in one metre as the camera's file says it, which is said: the one that was typed (camera), or
+    found. None where nothing does."""
+    typed = isinstance(camera, str) and camera != "auto"
+    file = next(iter([Path(camera).expanduser()] if typed else _files_beside(folder) if camera == "auto" else []), None)
+    scale = None if typed else depth_scale_beside(folder)
+    if scale is None and file is not None and file.is_file() and file.stat().st_size < SMALL_BYTES:
+        scale = _scale_in(file)
+        if scale is not None:
+            log.warning("%s says %g steps of depth in a metre (source.depth_scale=)", file.name, scale)
+    return scale
+
+
+def _scale_in(file: Path) -> float | None:
+    """By one of SCALES: above 1 steps in a metre; else the length of one, in metres (RealSense) or millimetres (BOP)."""
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+        plain = json.loads(text) if file.suffix == ".json" else read_yaml(text) if file.suffix in (".yaml", ".yml") else {}
+        told = [plain, *(plain[key] for key in WITHIN if isinstance(plain.get(key), dict))]
+        said = next((float(value) for one in told for key, value in one.items() if str(key).lower() in SCALES), 0.0)
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        return None  # whoever needs its intrinsics says so
+    scale = said if said > 1.0 or said <= 0.0 else (1.0 if said < LEAST_MM else 1000.0) / said
+    return scale if 0.0 < scale <= MOST_SCALE else None
 
 
 def depth_scale_beside(folder: Path) -> float | None:
@@ -107,7 +143,7 @@ def read_intrinsics(path: Path, size: tuple[int, int]) -> Camera:
         if isinstance(seen := plain.get(LORIS), dict):
             fx, cx, fy, cy = _data(seen["intrinsics"])
             plain = seen | {"intrinsics": [fx, fy, cx, cy]}
-        return camera_of_names(plain.get("camera") or plain.get("cam0") or plain, size)
+        return camera_of_names(next((plain[key] for key in WITHIN if isinstance(plain.get(key), dict)), plain), size)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # json's, yaml's, of no text, too
         short = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
         raise ConfigError(f"{path}: cannot be read as a camera's intrinsics ({short}); {HOWTO}") from None
@@ -127,12 +163,13 @@ def second_of_chain(path: Path, size: tuple[int, int]) -> tuple[Camera, np.ndarr
 
 
 def read_yaml(text: str) -> Any:
-    """Plain values of a YAML text; OpenCV's first line `%YAML:1.0` and its tags are none and left out. Raises ValueError."""
+    """Plain values of a YAML text, of several documents (as `ros2 topic echo` writes) the first; OpenCV's first line
+    `%YAML:1.0` and its tags are none and left out. Raises ValueError."""
     import yaml
 
     lines = [line.replace("!!opencv-matrix", "") for line in text.splitlines() if not line.startswith("%")]
     try:
-        return yaml.safe_load("\n".join(lines))
+        return next(iter(yaml.safe_load_all("\n".join(lines))), None)
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from None
 
@@ -208,21 +245,23 @@ def camera_of_names(given: dict[str, Any], size: tuple[int, int]) -> Camera:
     plain["lens"] = given.get("Camera.type", "")  # of ORB-SLAM3
     for key in ("projection_parameters", "distortion_parameters"):  # VINS
         plain |= plain.get(key) or {}
-    told = (plain.get(key) or "" for key in ("distortion_model", "camera_model", "model_type", "lens"))
+    told = [plain.get(key) or "" for key in ("distortion_model", "camera_model", "model_type", "lens")]
+    told += [name for name in [plain.get("model")] if str(name).lower() in MODELS]  # else anybody's word for his device
     model = next((str(name).lower() for name in told if name and str(name).lower() not in PINHOLES), "")
     if model not in (*LENSES, *MODELS):
         raise ValueError(f"distortion_model is {model}, expected plumb_bob, equidistant or FOV")
     width, height = (plain.get(f"image_{key}") or plain.get(key) or plain.get(key[0]) for key in ("width", "height"))
     width, height = plain.get("resolution", (width or size[0], height or size[1]))
     said = (int(width), int(height))
-    nine = next((plain[key] for key in ("intrinsic_matrix", "intrinsics", "k") if np.size(plain.get(key, ())) == 9), None)
+    matrices = (_data(plain.get(key, ())) for key in ("intrinsic_matrix", "intrinsics", "k", "camera_matrix", "mtx"))
+    nine = next((one for one in matrices if np.size(one) == 9), None)
     if nine is not None:
         matrix = np.array(nine, float).reshape(3, 3)
         matrix = matrix if (matrix[2, :2] == 0.0).all() else matrix.T  # column by column
-    elif "camera_matrix" in plain:
-        matrix = np.array(_data(plain["camera_matrix"]), float).reshape(3, 3)
     else:
         if "intrinsics" in plain:
+            if np.size(plain["intrinsics"]) != 4:  # of Kalibr's omni, ds and eucm, say
+                raise ValueError(f"intrinsics has {np.size(plain['intrinsics'])} numbers, expected fx, fy, cx, cy")
             plain |= dict(zip(("fx", "fy", "cx", "cy"), plain["intrinsics"], strict=True))
         others = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "ppx"), ("cy", "ppy"))
         keys = [k if k in plain or other not in plain else other for k, other in others]
@@ -238,13 +277,21 @@ def camera_of_names(given: dict[str, Any], size: tuple[int, int]) -> Camera:
 
 def _data(given: Any) -> Any:
     """The numbers of a matrix: as they are, or what is called `data`."""
-    return given["data"] if isinstance(given, dict) else given
+    return given.get("data", ()) if isinstance(given, dict) else given
 
 
 def _lens(plain: dict[str, Any], names: tuple[str, ...]) -> list[float]:
-    given = (plain.get(key) for key in ("distortion_coefficients", "distortion", "coeffs", "distortion_coeffs"))
-    listed = next((one for one in given if one is not None), None)
-    return [float(v) for v in np.ravel([plain.get(key, 0.0) for key in names] if listed is None else _data(listed))]
+    """The numbers of a lens: listed under whatever people call them (D, dist, dist_coeffs, distortion_coefficients), else
+    by their names. Raises ValueError for a list of a part of them."""
+    for key, value in plain.items():
+        if key in ("d", "coeffs") or ("dist" in key and not OTHER_DIST.search(key)):
+            listed = np.ravel(_data(value)) if isinstance(value, (list, dict)) else np.zeros(0)
+            if listed.size and listed.dtype.kind in "if":
+                if listed.size < 4 and listed.any() and ("radial" in key or "tangential" in key):
+                    raise ValueError(f"{key} has {listed.size} numbers, expected k1, k2, p1, p2 and more")
+                return [float(v) for v in listed]
+    more = ("k4", "k5", "k6") if any(plain.get(key) for key in ("k4", "k5", "k6")) else ()
+    return [float(plain.get(key, 0.0)) for key in (*names, *(key for key in more if key not in names))]
 
 
 def _camera(values, lens, size: tuple[int, int]) -> Camera:
