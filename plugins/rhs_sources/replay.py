@@ -204,13 +204,19 @@ USED_BY = {
     "camera": (*_FOLDERS, "bag"), "truth": ("tum", "kitti", "kitti_raw", "tartan", "vkitti", "euroc", "frames", "video",
                                             "clouds", "carmen", "bag", "sens"),
     "deskew": ("bag",), "truth_topic": ("bag",), "truth_frame": ("bag",), "truth_of": ("bag",), "views_late_s": ("bag",),
+    **dict.fromkeys(("color_topic", "depth_topic", "info_topic", "scan_topic", "wheel_topic"), ("bag",)),
+    "laser_fov_deg": ("carmen",), "max_laser_m": ("carmen",),
+    "depth_scale": ("tum", "seven_scenes", "frames", "tartan", "vkitti", "sens", "bag"), "phase": ("run",),
 }
 
 
 def _check_used(kind: str, settings) -> None:
+    usual = type(settings)()
     for name, kinds in USED_BY.items():
-        typed = getattr(settings, name) if name != "deskew" else not settings.deskew
-        if not typed or (name == "camera" and typed == "auto") or kind in kinds or kind not in FORMATS:
+        typed = getattr(settings, name)
+        if typed == getattr(usual, name) or kind in kinds or kind not in FORMATS:
+            continue
+        if typed == "none" and kind != "run":  # they go without it, or hold none
             continue
         if name == "stereo":
             raise ConfigError(f"source.stereo=true (sensor=stereo sets it): of a recording of the kind {kind} no second "

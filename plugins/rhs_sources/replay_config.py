@@ -77,7 +77,7 @@ class Replay(PartSettings):
     scan_topic: str = ""
     """Topic of a bag with LaserScan or MultiEchoLaserScan (its first echoes); empty and none as for color_topic."""
     wheel_topic: str = ""
-    """Topic of a bag with Odometry of the wheels; empty and none as for color_topic."""
+    """Topic of a bag with Odometry of the wheels; empty and none as for color_topic, none of a CARMEN log too."""
     truth_topic: str = ""
     """Topic of true poses (PoseStamped, Odometry, TransformStamped); empty: a bag's truth is unknown."""
     truth_frame: str = ""

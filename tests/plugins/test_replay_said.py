@@ -130,3 +130,23 @@ def test_depth_in_metres_stays_so_whatever_scale_its_camera_tells_of_images(tmp_
         (tmp_path / "depth" / f"{k}.png").unlink()
         np.save(tmp_path / "depth" / f"{k}.npy", np.full((48, 64), 2.0, np.float32))
     assert depth_of(tmp_path) == 2.0
+
+
+@pytest.mark.parametrize("typed", [{"laser_fov_deg": 270.0}, {"max_laser_m": 5.0}, {"phase": "all"},
+                                   {"wheel_topic": "/odom"}, {"depth_topic": "/depth"}, {"scan_topic": "/scan"}])
+def test_what_a_recording_has_no_use_for_is_refused_not_ignored(tmp_path, typed):
+    recorded(tmp_path, 1000, ("camera.json", SMALL))
+    with pytest.raises(ConfigError, match=rf"source\.{next(iter(typed))}: a recording of the kind frames has no use for it"):
+        depth_of(tmp_path, **typed)
+    assert depth_of(tmp_path, scan_topic="none", wheel_topic="none") == 2.0  # it holds none
+
+
+def test_a_laser_log_goes_without_its_wheels_and_has_no_scale_of_depth(tmp_path):
+    """The advice for wheels that count right turns as left."""
+    log = tmp_path / "a.log"
+    log.write_text("".join(f"FLASER 3 1 2 3 {0.1 * k} 0 0 {0.1 * k} 0 0 {k} host {k}\n" for k in range(4)))
+    recording = open_recording(Replay(path=str(log), wheel_topic="none"))
+    assert [capture.travel for capture, _ in recording.views] == [None] * 4 and "wheel" not in recording.provides
+    assert "wheel" in open_recording(Replay(path=str(log))).provides
+    with pytest.raises(ConfigError, match=r"source\.depth_scale: a recording of the kind carmen has no use for it"):
+        open_recording(Replay(path=str(log), depth_scale=1000.0))

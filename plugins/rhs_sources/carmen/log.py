@@ -109,7 +109,8 @@ def open_carmen(path: Path, settings) -> Recording:
     mount = mount_of(settings.scan_mount, "scan_mount")
     moved = not settings.scan_mount and _constant(lasers, odometry)  # a mount that was typed is on the wheels' body
     poses = lasers if moved else odometry
-    wheels = len(own) == 1 or any((pose != poses[0]).any() for pose in poses)  # readings that never change are none
+    moves = len(own) == 1 or any((pose != poses[0]).any() for pose in poses)  # readings that never change are none
+    wheels = moves and settings.wheel_topic != "none"
 
     def views():
         for index, i in enumerate(kept):
