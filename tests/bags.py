@@ -77,14 +77,16 @@ class BagFile:
         self.put(topic, stamp_s, message)
 
     def camera_info(self, topic: str, stamp_s: float, distortion=(0.0,) * 5, model: str = "plumb_bob",
-                    camera: Camera = CAMERA) -> None:
+                    camera: Camera = CAMERA, binning: int = 0, part: tuple[int, int, int, int] = (0, 0, 0, 0)) -> None:
+        """part: x, y, width and height of the roi."""
         k, r = np.array([camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1.0]), np.eye(3).ravel()
         p = np.hstack([k.reshape(3, 3), np.zeros((3, 1))]).ravel()
         names = {"D": np.array(distortion, float), "K": k, "R": r, "P": p}
         names = names if self.ros1 else {n.lower(): v for n, v in names.items()}
-        roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+        roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=part[0], y_offset=part[1], height=part[3],
+                        width=part[2], do_rectify=False)
         message = self.make("sensor_msgs/msg/CameraInfo", header=self.header(stamp_s), height=camera.height,
-                            width=camera.width, distortion_model=model, binning_x=0, binning_y=0, roi=roi, **names)
+                            width=camera.width, distortion_model=model, binning_x=binning, binning_y=binning, roi=roi, **names)
         self.put(topic, stamp_s, message)
 
     def pose(self, x: float, y: float, yaw: float):

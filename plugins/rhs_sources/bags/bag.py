@@ -25,6 +25,7 @@ from ..replay_stamps import cloud_extras
 from ..replay_tum import SET_BACK, UNREADABLE, Recording
 from . import messages as ros
 from . import realsense
+from .cut import as_taken
 from .depth import color_from, depth_camera_of
 from .files import opened
 from .held import encodings_in, topics_in
@@ -95,7 +96,10 @@ def open_bag(path: Path, settings) -> Recording:
 
 def _recorded(reader, info: str, images: str) -> Camera | None:
     """The camera of a topic of images, as the first CameraInfo says."""
-    return ros.camera_of(_first(reader, info), rectified=ros.is_rectified(images)) if info else None
+    if not info:
+        return None
+    said = _first(reader, info)
+    return as_taken(ros.camera_of(said, rectified=ros.is_rectified(images)), said, _first(reader, images), images)
 
 
 def _recorded_color(reader, topics: Topics, settings) -> Camera | None:

@@ -21,6 +21,7 @@ from ..replay_cameras import check_pose
 from ..replay_mounts import Mounts
 from . import messages as ros
 from . import realsense
+from .cut import as_taken
 from .topics import Topics
 
 LEAST_M = 1e-3  # of a baseline
@@ -33,9 +34,10 @@ def right_camera(reader, topics: Topics, camera: Camera, links: dict, settings) 
     chain = second_of_chain(file, (camera.width, camera.height)) if file.is_file() else None
     if chain is not None:
         return replace(chain[0], body_from_camera=camera.body_from_camera @ check_pose(chain[1], f"{file.name}: T_cn_cnm1"))
-    (left, frame), (right, other) = (_told(reader, topic, info) for topic, info in ((topics.color, topics.info),
-                                                                                   (topics.right, topics.right_info)))
+    (left, frame, _), (right, other, image) = (_told(reader, topic, info) for topic, info in (
+        (topics.color, topics.info), (topics.right, topics.right_info)))
     recorded = None if right is None else ros.camera_of(right, rectified=ros.is_rectified(topics.right))
+    recorded = recorded if image is None else as_taken(recorded, right, image, topics.right)
     if recorded is None:
         raise ConfigError(f"{where}: no CameraInfo says which camera {topics.right} is; record it beside its images, "
                           "type source.camera=camchain.yaml (Kalibr's, of both), or sensor=mono for the first camera alone")
@@ -55,10 +57,11 @@ def right_camera(reader, topics: Topics, camera: Camera, links: dict, settings) 
 
 
 def _told(reader, topic: str, info: str):
-    """(the first CameraInfo or None, the frame of the images)."""
+    """(the first CameraInfo or None, the frame of the images, the first of these or None)."""
     first = next(islice(ros.stamped(reader, {topic}), 1), None)
     told = next(islice(ros.stamped(reader, {info}), 1), None) if info else None
-    return None if told is None else told[2], "" if first is None else first[2].header.frame_id.strip("/")
+    image = None if first is None else first[2]
+    return None if told is None else told[2], "" if image is None else image.header.frame_id.strip("/"), image
 
 
 def _by_projection(left, right, *, rectified: bool) -> np.ndarray | None:
