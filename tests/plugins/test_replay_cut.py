@@ -58,3 +58,13 @@ def test_compressed_images_that_are_binned_are_told_by_their_size(tmp_path):
 def test_images_of_a_size_that_neither_binning_nor_roi_explains_are_refused(tmp_path):
     with pytest.raises(ConfigError, match="images in bag are 64x48 but .* is for 128x96"):
         opened(recorded(tmp_path, camera=TWICE, binning=4))
+
+
+def test_of_several_topics_of_images_those_that_a_camera_took_are_read(tmp_path, caplog):
+    """A simulator's labels, and what other programs draw, have no CameraInfo of their own."""
+    path = recorded(tmp_path / "a", more=("/camera/color/semantic_segmentation", "/aruco/result"), camera=CAMERA)
+    assert opened(path).camera.fx == 50.0
+    assert "a CameraInfo goes with /camera/color/image alone" in caplog.text and "segmentation" not in caplog.text
+    two = recorded(tmp_path / "b", more=("/camera/color/image_rect",), camera=CAMERA)
+    with pytest.raises(ConfigError, match="several color topics"):
+        opened(two)

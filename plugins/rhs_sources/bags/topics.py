@@ -25,6 +25,7 @@ LEFT = (("left", "right"), ("infra1", "infra2"), ("infrared_1", "infrared_2"), (
         ("camera0", "camera1"), ("camera_0", "camera_1"), ("fisheye1", "fisheye2"), ("image_0", "image_1"),
         ("cam1", "cam2"))  # in the names of a pair
 NEITHER = ("disparity", "confidence")  # in the names of images that are neither colour nor metres
+PAINTED = re.compile(r"segment|semantic|instance|label|mask|detect|annotat|overlay|debug", re.I)  # what no camera took
 TRUE = re.compile(r"truth|mocap|vicon|optitrack|qualisys|(?<![a-z])gt(?![a-z])", re.I)  # in those of poses not to go by
 log = logging.getLogger("rhs.replay")
 
@@ -93,7 +94,7 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
 
     wheel = pick("wheel", _no_truth(of("Odometry"), found, settings, where))
     if settings.stereo:
-        left, right = _two_eyes([t for t in images if t not in deep], settings, where)
+        left, right = _two_eyes(_taken([t for t in images if t not in deep], [], where), settings, where)
         infos, scan = of("CameraInfo"), pick("scan", of(*KINDS["scan"]))
         told = [next(iter(near), "") if len(near := _beside(eye, infos)) == 1 else "" for eye in (left, right)]
         if told[0] == told[1]:  # of one of the two
@@ -102,7 +103,7 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     alone = {"scans": ("LaserScan", "MultiEchoLaserScan"), "clouds": CLOUDS}.get(settings.views, ())
     if of(*alone):
         plain, deep = [], []
-    color = pick("color", plain)
+    color = pick("color", plain if settings.color_topic else _taken(plain, of("CameraInfo"), where))
     depth, scan = pick("depth", [t for t in deep if t != color], color), pick("scan", of(*KINDS["scan"]))
     scan = "" if settings.views == "clouds" and of(*alone) else scan
     clouds = of(*CLOUDS) if not depth and settings.depth_topic != "none" and (color or not scan) else []
@@ -122,6 +123,18 @@ def choose_topics(found: dict[str, str], settings, where: str, encodings: Mappin
     info = pick("info", infos, color) if color else ""
     deep = _beside(depth, infos) if depth else []
     return Topics(color, depth, cloud, info, scan, wheel, deep[0] if len(deep) == 1 else "")
+
+
+def _taken(images: list[str], infos: list[str], where: str) -> list[str]:
+    """Of several topics of images those that a camera took: no painted ones by their names, and, where some topics have a
+    CameraInfo in their own folder, these alone, which is said; all where that leaves none."""
+    images = [topic for topic in images if not PAINTED.search(topic)] or images
+    folders = {info.rpartition("/")[0] for info in infos}
+    own = [topic for topic in images if topic.removesuffix("/compressed").rpartition("/")[0] in folders]
+    if own and len(own) < len(images):
+        log.warning("%s: of the topics of images %s a CameraInfo goes with %s alone, and the others are left out "
+                    "(source.color_topic=NAME)", where, ", ".join(images), ", ".join(own))
+    return own or images
 
 
 def true_odometry(found: Mapping[str, str], settings) -> list[str]:
