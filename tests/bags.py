@@ -86,7 +86,8 @@ class BagFile:
         roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=part[0], y_offset=part[1], height=part[3],
                         width=part[2], do_rectify=False)
         message = self.make("sensor_msgs/msg/CameraInfo", header=self.header(stamp_s), height=camera.height,
-                            width=camera.width, distortion_model=model, binning_x=binning, binning_y=binning, roi=roi, **names)
+                            width=camera.width, distortion_model=model, binning_x=binning, binning_y=binning, roi=roi,
+                            **names)
         self.put(topic, stamp_s, message)
 
     def pose(self, x: float, y: float, yaw: float):
