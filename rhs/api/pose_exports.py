@@ -26,6 +26,7 @@ from .geometry import inverse, quaternion_xyzw, rotation_of_quaternion, se3
 
 UNITS_M = {"meters": 1.0, "centimeters": 0.01, "millimeters": 0.001}
 NO_UNIT = 0.01  # by which four numbers that are no quaternion are longer or shorter than one
+LAST_ROW, SKEW = (0.0, 0.0, 0.0, 1.0), 0.05  # of a 4x4 pose; by which a rotation in a file may be off
 QUALISYS = ("NO_OF_FRAMES", "FILE_VERSION")  # how its tables begin
 COLMAP, COLMAP_WORDS = "QW, QX, QY, QZ, TX, TY, TZ", 10  # in its head; in the line of an image
 _IN_NAME = re.compile(r"(\d+(?:\.\d+)?)\.[A-Za-z]+$")
@@ -44,6 +45,24 @@ OTHERS = {  # by the ending, or the first word
 OTHERS |= {"Segments": OTHERS["Objects"], **dict.fromkeys((".kml", ".nmea", "$GPGGA", "$GNGGA", "$GPRMC"), OTHERS[".gpx"])}
 OTHERS |= dict.fromkeys(("ODOM", "ROBOTLASER1", "RAWLASER1", "PARAM", "TRUEPOS"), OTHERS["FLASER"])
 _ADJUSTED = re.compile(r"\d+ \d+ \d+\n\d+ \d+ +-?\d+\.")  # the head and the first observation of a BAL problem
+
+
+def joined(table: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """Of poses (number, words) whose matrices stand row by row in lines of four numbers, three lines each (SUN3D) or four
+    (NumPy, Neural RGB-D), a row of twelve or sixteen each; another table as it is."""
+    if {len(words) for _, words in table} != {4}:
+        return table
+    try:
+        rows = np.array([words for _, words in table], float)
+    except ValueError:
+        return table
+    whole = len(rows) % 4 == 0 and bool((np.isnan(rows[3::4]) | (rows[3::4] == LAST_ROW)).all())
+    count = 4 if whole else 3
+    turns = rows[: len(rows) // count * count].reshape(-1, count, 4)[:, :3, :3]
+    known = turns[np.isfinite(turns).all(axis=(1, 2))]
+    if len(rows) % count or not len(known) or np.abs(known[0] @ known[0].T - np.eye(3)).max() > SKEW:
+        return table
+    return [(table[k][0], [word for _, words in table[k : k + count] for word in words]) for k in range(0, len(rows), count)]
 
 
 def advice_for(where: str, first: str = "") -> str:

@@ -1,11 +1,12 @@
 """Trajectories in the forms that people have: TUM, KITTI odometry, EuRoC, TartanAir, MulRan, g2o, TORO, Open3D.
 
-Told apart by the first line. KITTI (Geiger et al. 2012): twelve numbers a line, the upper rows of world_from_camera, or
-sixteen (Replica; four lines a pose in Open3D's trajectory.log); stamps are those of a times.txt beside it, else the numbers
-of the lines in place of seconds. MulRan: a stamp before the twelve. TartanAir: x y z qx qy qz qw without a stamp. Graphs
-(g2o, TORO): their vertices, numbered as they are. EuRoC (Burri et al. 2016): commas; nanoseconds, x y z, qw qx qy qz, and
-whatever follows. NCLT: microseconds, x y z, roll pitch heading. A header that names the columns is believed; exports of
-other programs are those of rhs.api.pose_exports. Anything else is read as TUM.
+Told apart by the first line. KITTI (Geiger et al. 2012): twelve numbers a line, the upper rows of world_from_camera,
+or sixteen (Replica; four lines a pose in Open3D's trajectory.log and Neural RGB-D's poses.txt, three in SUN3D's);
+stamps are those of a times.txt beside it, else the numbers of the lines in place of seconds. MulRan: a stamp before
+the twelve. TartanAir: x y z qx qy qz qw without a stamp. Graphs (g2o, TORO): their vertices, numbered as they are.
+EuRoC (Burri et al. 2016): commas; nanoseconds, x y z, qw qx qy qz, and whatever follows. NCLT: microseconds, x y z,
+roll pitch heading. A header that names the columns is believed; exports of other programs are those of
+rhs.api.pose_exports. Anything else is read as TUM.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.geometry import rotation_of_quaternion, se2, se3
-from rhs.api.pose_exports import COLMAP
+from rhs.api.pose_exports import COLMAP, joined
 from rhs.api.trajectory import Trajectory, check_unit, in_tum_order, read_tum, seconds_in
 from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
@@ -53,8 +54,10 @@ def _read(path: Path) -> Trajectory:
     rows = [(number, line.replace(",", " ").split()) for number, line in lines if line.strip() and not line.startswith("#")]
     first = rows[0][1] if rows else [""]
     if len(first) == 3 and len(rows) % 5 == 0 and [len(words) for _, words in rows[1:5]] == [4] * 4:
-        joined = [(rows[k][0], [word for _, words in rows[k + 1 : k + 5] for word in words]) for k in range(0, len(rows), 5)]
-        return _matrices(path, joined, 0)
+        logged = [(rows[k][0], [word for _, words in rows[k + 1 : k + 5] for word in words]) for k in range(0, len(rows), 5)]
+        return _matrices(path, logged, 0)
+    if (matrices := joined(rows)) is not rows:
+        return _matrices(path, matrices, 0)
     if first[0].startswith("VERTEX"):
         return _graph(path, rows)
     if in_tum_order(text, str(path)) is not text or not _is_number(first[0]):

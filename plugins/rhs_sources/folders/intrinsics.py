@@ -6,7 +6,8 @@ camera_calibration writes (camera_info.yaml). Text: a 3x3 or 4x4 matrix, or fx f
 BundleFusion's info.txt; DSO's camera.txt. YAML too of Kalibr (camchain.yaml: its first camera), EuRoC, OpenCV's
 calibration, ORB-SLAM (Camera.fx) and VINS (projection_parameters). Replica's cam_params.json, one folder up, also says the
 scale of depth, as do others by name (SCALES). Stray Scanner's camera_matrix.csv, Nerfstudio's transforms.json, COLMAP's
-cameras.txt; Polycam's cameras/NUMBER.json and ARKitScenes' .pincam of each view, of which the first is taken.
+cameras.txt; Polycam's cameras/NUMBER.json, ARKitScenes' .pincam and RTAB-Map's calib/STAMP.yaml of each view, of which
+the first is taken.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ from ..lens_models import MODELS, with_lens
 NAMES = ("camera*.json", "*intrinsic*.json", "camera*.yaml", "camera*.yml", "calibration.yaml", "*intrinsic*.txt",
          "camera.txt", "calibration.txt", "intrinsic/intrinsic_color.txt", "info.txt", "_info.txt", "cam_params.json",
          "camera_matrix.csv", "transforms.json", "*camchain*.yaml", "metadata.json", "sensors.yaml")
-ELSE = ("cameras/*.json", "frame_*.json", "lowres_wide_intrinsics/*.pincam", "cameras.txt", "sparse/cameras.txt",
-        "sparse/0/cameras.txt")
+ELSE = ("cameras/*.json", "calib/*.yaml", "frame_*.json", "lowres_wide_intrinsics/*.pincam", "cameras.txt",
+        "sparse/cameras.txt", "sparse/0/cameras.txt")
 ABOVE = ("cam_params.json",)  # and one folder up
 MOST_BYTES = 60_000_000  # transforms.json and ScanNet++'s hold a pose of each view
 MOST_SCALE = 1e6

@@ -1,7 +1,7 @@
 """True poses as data sets write them: 12 or 16 numbers a line (KITTI, Replica), or behind a number (KITTI-360) or
-a stamp (MulRan), Open3D's trajectory.log, three lines of four numbers a view (SUN3D), a table with the number of each view
-(Stray Scanner's odometry.csv), a folder of one 4x4 matrix a view (ScanNet), or of one .json (3D Scanner App,
-Polycam), whose camera looks along -z with y up and is turned. Poses as the file has them; None of
+a stamp (MulRan), Open3D's trajectory.log, three lines of four numbers a view (SUN3D) or four (Neural RGB-D), a table with
+the number of each view (Stray Scanner's odometry.csv), a folder of one 4x4 matrix a view (ScanNet), or of one .json (3D
+Scanner App, Polycam), whose camera looks along -z with y up and is turned. Poses as the file has them; None of
 one that holds NaN or infinity: it was not found.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import rotation_of_quaternion, se3
-from rhs.api.pose_exports import FLIPPED
+from rhs.api.pose_exports import FLIPPED, joined
 from rhs.api.trajectory import check_unit, seconds_in
 
 from ..replay_cameras import check_pose
@@ -41,15 +41,12 @@ def poses_beside(folder: Path) -> Path | None:
 
 
 def poses_by_line(path: Path) -> Poses | None:
-    """Of a file with 12 or 16 numbers a line, SUN3D's three lines or a trajectory.log; None of another. Raises ConfigError
-    with its line."""
-    table = rows(path)
+    """Of a file with 12 or 16 numbers a line, three or four lines of four numbers a view or a trajectory.log; None of
+    another. Raises ConfigError with its line."""
+    table = joined(rows(path))
     width = len(table[0][1]) if table else 0
     if width == 3 and len(table) % 5 == 0:
         return _logged(table, path)
-    if width == 4 and len(table) % 3 == 0 and {len(words) for _, words in table} == {4}:
-        table = [(table[k][0], [word for _, words in table[k : k + 3] for word in words]) for k in range(0, len(table), 3)]
-        width = 12
     if width not in (12, 16):
         return None
     out: Poses = {}
