@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from rhs.api.errors import ConfigError
+from rhs.recording.mcap_records import MAGIC
 from rhs.recording.mcap_scan import open_scan
 
 from .foxglove import McapBag
@@ -64,13 +65,36 @@ def opened(path: Path):
         if other := _other_messages(file):
             raise ConfigError(f"{path}: {other}") from error
         short = " ".join(str(error).split())[:120]
-        cut = next(iter(path.glob("*.mcap")), None) if path.is_dir() else file if file.suffix == ".mcap" else None
-        hint = f"; if it was cut: python -m rhs convert {cut} whole.mcap" if cut else ""
-        hint = f"; if it was cut: rosbag reindex {file.name}" if file.suffix == ".bag" else hint
-        hint = f"; put them back, or type: ros2 bag reindex {path}" if "files are missing" in short else hint
+        hint = _hint(path, file, short)
         raise ConfigError(f"{path}: cannot be read as a bag ({type(error).__name__}: {short}){hint}") from error
     _check_parts(reader, files)
     return reader
+
+
+def _hint(path: Path, file: Path, short: str) -> str:
+    """What to type for a bag that cannot be opened, by what the library said (short)."""
+    if "files are missing" in short:
+        return f"; put them back, or type: ros2 bag reindex {path}"
+    if "metadata" in short:
+        return f"; its metadata.yaml is broken; type: rm {path / 'metadata.yaml'}; ros2 bag reindex {path}"
+    if file.suffix == ".bag":
+        return f"; if it was cut: rosbag reindex {file.name}"
+    parts = sorted([*path.glob("*.mcap"), *path.glob("*.db3")]) if path.is_dir() else [file]
+    cut = next((part for part in parts if part.suffix == ".mcap" and not _is_closed(part)), None)
+    if cut is not None:
+        then = " and put it in its place" if len(parts) > 1 else ""
+        return f"; if it was cut: python -m rhs convert {cut} whole.mcap{then}"
+    named = next((part for part in parts if part.suffix == ".db3" and str(part) in short), None)
+    return "" if named is None else (f"; if it was cut: sqlite3 {named} .dump | sed 's/^ROLLBACK.*/COMMIT;/' | sqlite3 "
+                                     "whole.db3 and put it in its place")
+
+
+def _is_closed(file: Path) -> bool:
+    """Whether an MCAP file ends as one that was written to its end does."""
+    with file.open("rb") as stream:
+        stream.seek(0, 2)
+        stream.seek(max(0, stream.tell() - len(MAGIC)))
+        return stream.read() == MAGIC
 
 
 def _of_others(file: Path) -> McapBag | None:
