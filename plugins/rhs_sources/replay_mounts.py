@@ -63,6 +63,9 @@ class Mounts:
         if not self._body and wheels.strip("/") in self._frames():
             self._body = wheels.strip("/")
 
+    def knows(self, frame: str) -> bool:
+        return frame.strip("/") in self._frames()
+
     def _frames(self) -> set[str]:
         return {*self._links, *(parent for parent, _ in self._links.values())}
 
@@ -101,6 +104,15 @@ class Mounts:
             at, step = self._links[at]
             pose = step @ pose
         return None
+
+
+def say_apart(topic: str, frame: str, tree: Mounts) -> None:
+    """Says so where wheels (topic) tell of a frame that tf does not know, though it puts sensors on a body."""
+    bodies = [body for body in BODIES if tree.knows(body)]
+    if bodies and frame and frame.strip("/") not in BODIES and not tree.knows(frame):
+        log.warning("%s tells of the frame %s, which tf does not know: it is taken to be %s; if it sits elsewhere (a "
+                    "tracking camera's), record its link in /tf_static, or type source.wheel_topic=none", topic, frame,
+                    bodies[-1])
 
 
 def optical(body_from_frame: np.ndarray | None, frame: str) -> np.ndarray | None:

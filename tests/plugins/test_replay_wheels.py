@@ -107,3 +107,14 @@ def test_odometry_that_is_the_truth_by_its_name_is_not_taken_for_wheels_unless_t
 def test_wheels_and_truth_of_one_topic_are_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"are both /odom: .* type source\.wheel_topic=none"):
         opened(driven(tmp_path, "/odom"), truth_topic="/odom", wheel_topic="/odom")
+
+
+@pytest.mark.parametrize(("body", "said"), [("base_link", True), ("base", False)])  # of which /odom tells: base
+def test_wheels_that_tell_of_a_frame_that_tf_does_not_know_are_said_to(tmp_path, caplog, body, said):
+    with BagFile(tmp_path, "ros2_mcap") as bag:
+        bag.transform("/tf_static", 1.0, body, "laser", 0.2)
+        for k in range(4):
+            bag.odometry("/odom", 1.0 + 0.1 * k, 0.1 * k, 0.0, 0.0)
+            bag.scan("/scan", 1.0 + 0.1 * k, [2.0, 3.0, 4.0])
+    assert ways(opened(bag.path))[1:] == pytest.approx([0.1] * 3)
+    assert ("/odom tells of the frame base, which tf does not know: it is taken to be base_link" in caplog.text) == said

@@ -19,7 +19,7 @@ from ..carmen.log import NO_CAMERA, check_unit, end_of_range
 from ..folders.clouds import check_solid
 from ..replay_cameras import chosen_camera
 from ..replay_images import UnreadableImage, check_depth, check_pair
-from ..replay_mounts import Mounts, links_of, mount_of, mounted, optical, tf_topics
+from ..replay_mounts import Mounts, links_of, mount_of, mounted, optical, say_apart, tf_topics
 from ..replay_register import DepthCamera, typed_depth_camera
 from ..replay_stamps import cloud_extras
 from ..replay_tum import SET_BACK, UNREADABLE, Recording
@@ -191,7 +191,9 @@ def _placed(reader, topics: Topics, settings, links: dict) -> Placed:
                                (typed_camera, "camera_mount", topics.color)):
         if typed is not None and not topic:
             raise ConfigError(f"source.{name}: {settings.path} holds nothing that is mounted so; leave it out")
-    tree = Mounts(links, settings.body_frame, wheels=_frame(reader, topics.wheel, moved=True) or topics.odometry[1])
+    wheels = _frame(reader, topics.wheel, moved=True) or topics.odometry[1]
+    tree = Mounts(links, settings.body_frame, wheels=wheels)
+    say_apart(topics.wheel, wheels, tree)
 
     def of(topic: str) -> np.ndarray | None:
         frame = _frame(reader, topic)
