@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from rhs.api.geometry import rotation_of_quaternion, se2, se3
-from rhs.api.pose_exports import COLMAP, joined
+from rhs.api.pose_exports import COLMAP, LAST_ROW, joined
 from rhs.api.trajectory import Trajectory, check_unit, in_tum_order, read_tum, seconds_in
 from rhs.base.commands import check_regular
 from rhs.base.errors import RecordingError
@@ -93,6 +93,11 @@ def _matrices(path: Path, rows: Rows, stamped: int) -> Trajectory:
         values = finite_numbers(words, f"{path}:{number}", width, "of a KITTI pose")
         if not _is_rotation(words[stamped:]):
             raise RecordingError(f"{path}:{number}: the first three columns are no rotation; expected a KITTI pose")
+        ends = values[stamped + MATRIX :]
+        if ends and not np.allclose(ends, LAST_ROW, atol=SKEW):
+            last = " ".join(f"{value:g}" for value in ends)
+            raise RecordingError(f"{path}:{number}: the last four numbers are {last}; expected 0 0 0 1 (a matrix column by "
+                                 "column? write it row by row)")
         poses[k, :3] = np.array(values[stamped : stamped + MATRIX]).reshape(3, 4)
         stamps[k] = values[0] * seconds_in(values[0]) if stamped else k
     return _ascending(stamps, poses) if stamped else Numbered(stamps, poses)

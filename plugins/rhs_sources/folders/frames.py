@@ -195,7 +195,7 @@ def _true_poses(path: Path, colors, settings, ray_scale: float | None):
     """(true pose of a view by number and stamp, counts, whether the views have times). ray_scale: of depth along rays
     (POV-Ray), beside which the poses lie."""
     numbers = [number for number, _ in colors]
-    timed = bool(settings.rate_hz or times_beside(path, settings)) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
+    timed = bool(settings.rate_hz or times_beside(path, settings, say=False)) or stamps_by_name(numbers, 0.0, RATE_HZ)[1]
     beside = poses_beside(path)
     if ray_scale is not None and beside is None and not settings.truth:
         return povray.truth_of([color for _, color in colors], ray_scale), Counter[str](), timed

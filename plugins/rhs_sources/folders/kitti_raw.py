@@ -10,6 +10,7 @@ PAMI 2022, and its scripts): cam0_to_world is of the rectified camera 0, calib_c
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import Counter
 from pathlib import Path
@@ -22,7 +23,7 @@ from rhs.api.geometry import inverse, se3
 
 from ..replay_cameras import check_pose
 from ..replay_images import read_color
-from ..replay_stamps import in_file_order, number_of, rows
+from ..replay_stamps import in_file_order, number_of, rows, seconds_of
 from ..replay_tum import Recording
 from .kitti import Drive, P, drive
 from .poses import Poses, poses_by_first, rigid
@@ -32,6 +33,9 @@ EARTH_M = 6378137.0  # radius, as the development kit has it
 OXTS = 30  # numbers a packet; the first six are latitude and longitude (degrees), height, roll, pitch and yaw
 CLOUDS = "velodyne_points"
 STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d+)?")
+TIMES, MOST_STEP_S = ("timestamps.txt", "times.txt"), 10.0
+PLAIN = re.compile(r"(\d+\s+)?\d+(\.\d*)?([eE][-+]?\d+)?")  # a time, or the number of a view and one
+log = logging.getLogger("rhs.replay")
 
 
 def is_kitti_raw(path: Path) -> bool:
@@ -166,22 +170,43 @@ def _true(folder: Path, camera_from_imu: np.ndarray) -> Poses:
     return out
 
 
-def times_beside(path: Path, settings) -> Path | None:
-    """The timestamps.txt of numbered images or clouds (KITTI-360), in their folder or one up; None where a rate is typed."""
-    file = next((place / "timestamps.txt" for place in (path, path.parent) if (place / "timestamps.txt").is_file()), None)
-    return None if settings.rate_hz or file is None or not STAMP.match(file.read_text("utf-8", "replace")) else file
+def times_beside(path: Path, settings, *, say: bool = True) -> Path | None:
+    """The timestamps.txt or times.txt of numbered images or clouds, in their folder or one up: a time a line (KITTI-360), or
+    a number of theirs and a time; None where a rate is typed. One of another form is said to be left out."""
+    file = next((place / name for place in (path, path.parent) for name in TIMES if (place / name).is_file()), None)
+    if settings.rate_hz or file is None:
+        return None
+    text = file.read_text("utf-8", "replace")
+    first = next((line.replace(",", " ") for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+    if STAMP.match(text) or PLAIN.fullmatch(first.strip()):
+        return file
+    if say:
+        log.warning("%s is left out: found %r; expected a time a line, or the number of a view and its time", file,
+                    first[:40])
+    return None
 
 
 def drive_stamps(file: Path, numbers: list[int], settings) -> tuple[np.ndarray, Counter]:
-    """Seconds of the views by their numbers, lines of timestamps.txt from 0; 10 a second, or source.rate_hz, without it."""
+    """Seconds of the views by their numbers, lines of timestamps.txt from 0, or in their order where there are as many; 10 a
+    second, or source.rate_hz, without it. Raises ConfigError."""
     if settings.rate_hz or not file.is_file():
         return np.array(numbers) / (settings.rate_hz or 10.0), Counter()
-    times = []
+    times: dict[int, float] = {}
     for line, words in rows(file, str):
-        text = " ".join(words)
-        if not STAMP.fullmatch(text):
-            raise ConfigError(f"{file.parent.name}/{file.name}:{line}: found {text[:40]!r}; expected 2011-09-26 13:02:25.9")
-        times.append(1e-9 * float(np.datetime64(text, "ns").astype(np.int64)))
-    if len(times) <= max(numbers):
-        raise ConfigError(f"{file}: {len(times)} lines but the last view is number {max(numbers)}")
-    return in_file_order([times[n] for n in numbers], settings.max_jump_s)
+        text, where = " ".join(words), f"{file.parent.name}/{file.name}:{line}"
+        if PLAIN.fullmatch(text):
+            times[int(words[0]) if len(words) == 2 else len(times)] = seconds_of(words[-1], where)
+        elif STAMP.fullmatch(text):
+            times[len(times)] = 1e-9 * float(np.datetime64(text, "ns").astype(np.int64))
+        else:
+            raise ConfigError(f"{where}: found {text[:40]!r}; expected 2011-09-26 13:02:25.9, or seconds")
+    if not times.keys() >= {*numbers} and len(times) == len(numbers):  # images that count from 1
+        times = dict(zip(numbers, times.values(), strict=True))
+    if missing := {*numbers} - times.keys():
+        raise ConfigError(f"{file}: {len(times)} lines but the last view is number {max(missing)}; expected one of each "
+                          "view; type source.rate_hz=VIEWS_A_SECOND to go without")
+    stamps = [times[n] for n in numbers]
+    if len(stamps) > 1 and (step := float(np.median(np.abs(np.diff(stamps))))) > MOST_STEP_S:
+        raise ConfigError(f"{file}: its times are {step:g} apart; expected seconds; type source.rate_hz=VIEWS_A_SECOND to "
+                          "go without")
+    return in_file_order(stamps, settings.max_jump_s)

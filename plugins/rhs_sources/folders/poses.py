@@ -41,19 +41,20 @@ def poses_beside(folder: Path) -> Path | None:
 
 
 def poses_by_line(path: Path) -> Poses | None:
-    """Of a file with 12 or 16 numbers a line, three or four lines of four numbers a view or a trajectory.log; None of
-    another. Raises ConfigError with its line."""
+    """Of a file with 12 or 16 numbers a line, or x y z qx qy qz qw, three or four lines of four numbers a view or a
+    trajectory.log; None of another. Raises ConfigError with its line."""
     table = joined(rows(path))
     width = len(table[0][1]) if table else 0
     if width == 3 and len(table) % 5 == 0:
         return _logged(table, path)
-    if width not in (12, 16):
+    if width not in (7, 12, 16) or (width == 7 and path.suffix == ".traj"):  # ARKitScenes' have a stamp
         return None
     out: Poses = {}
     for k, (number, words) in enumerate(table):
         where = f"{path.name}:{number}"
         if len(words) != width:
-            raise ConfigError(f"{where}: found {len(words)} numbers; expected the {width} of a {width // 4}x4 pose")
+            expected = f"the {width} of a {width // 4}x4 pose" if width > 7 else "x y z qx qy qz qw"
+            raise ConfigError(f"{where}: found {len(words)} numbers; expected {expected}")
         out[k] = _pose([number_of(word, where) for word in words], where)
     return out
 
@@ -132,8 +133,11 @@ def rigid(numbers: list[float], where: str) -> np.ndarray:
 
 
 def _pose(numbers: list[float], where: str) -> np.ndarray | None:
-    if len(numbers) not in (12, 16):
+    if len(numbers) not in (7, 12, 16):
         raise ConfigError(f"{where}: found {len(numbers)} numbers; expected a 3x4 or 4x4 pose")
     if not np.all(np.isfinite(numbers)):
         return None
-    return check_pose(np.vstack([np.array(numbers[:12], float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]]), where)
+    if len(numbers) == 7:
+        check_unit(numbers[3:], where)
+        return se3(rotation_of_quaternion(np.array(numbers[3:])), np.array(numbers[:3]))
+    return check_pose(np.array([*numbers, 0.0, 0.0, 0.0, 1.0][:16], float).reshape(4, 4), where)
