@@ -65,6 +65,11 @@ def test_what_ros_echoes_of_a_camera_and_what_opencv_stores_is_read_with_its_len
     assert (camera.fy, camera.cx, camera.distortion) == (611.2, 322.1, tuple(LENS))
 
 
+def test_opencv_s_fourteen_numbers_are_read_where_only_eight_say_something(tmp_path):
+    lens = (0.4, 0.2, 0.001, -0.0005, 0.02, 0.5, 0.1, 0.01)
+    assert camera_in(tmp_path, "camera.json", {"K": K, "dist": [*lens, *[0.0] * 6]}).distortion == lens
+
+
 def test_numbers_of_a_lens_beyond_k3_count_and_a_word_for_a_device_is_no_model(tmp_path):
     plain = {"fx": 610.5, "fy": 611.2, "cx": 322.1, "cy": 241.3, "model": "iPhone 12"}
     assert camera_in(tmp_path, "a.json", plain | {"k1": 0.5, "k4": 0.6}).distortion == (0.5, 0, 0, 0, 0, 0.6, 0, 0)
@@ -75,6 +80,8 @@ def test_numbers_of_a_lens_beyond_k3_count_and_a_word_for_a_device_is_no_model(t
 
 @pytest.mark.parametrize(("plain", "said"), [
     ({"camera_matrix": K, "radial_distortion": [0.1, -0.2]}, "radial_distortion has 2 numbers"),
+    ({"camera_matrix": K, "dist_coeffs": ["0,1", "0,2", "0", "0"]}, "dist_coeffs holds '0,1', expected numbers"),
+    ({"camera_matrix": K, "dist_coeffs": 14 * [0.01]}, "14 numbers of a lens"),
     ({"cam0": {"camera_model": "omni", "intrinsics": [0.8, 600.0, 600.0, 320.0, 240.0]}}, "omni"),
     ({"cam0": {"intrinsics": [0.8, 600.0, 600.0, 320.0, 240.0]}}, "intrinsics has 5 numbers"),
 ])

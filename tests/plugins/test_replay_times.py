@@ -81,7 +81,7 @@ def test_poses_without_stamps_are_one_a_view(tmp_path):
     (images(tmp_path) / "poses.txt").write_text(poses)
     assert [true[0, 3] for _, true in views(tmp_path)[0]] == pytest.approx([0.1 * k for k in range(5)])
     (tmp_path / "poses.txt").write_text(poses.replace("1.000000000 0.300000000", "1.000000000"))
-    with pytest.raises(ConfigError, match="found 6 columns"):
+    with pytest.raises(ConfigError, match="found 6 columns.*; poses.txt was taken for the true poses .*: rename it to go"):
         views(tmp_path)
 
 

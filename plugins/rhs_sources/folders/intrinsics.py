@@ -287,7 +287,9 @@ def _lens(plain: dict[str, Any], names: tuple[str, ...]) -> list[float]:
     for key, value in plain.items():
         if key in ("d", "coeffs") or ("dist" in key and not OTHER_DIST.search(key)):
             listed = np.ravel(_data(value)) if isinstance(value, (list, dict)) else np.zeros(0)
-            if listed.size and listed.dtype.kind in "if":
+            if listed.size:
+                if listed.dtype.kind not in "if":
+                    raise ValueError(f"{key} holds {str(listed[0])[:20]!r}, expected numbers")
                 if listed.size < 4 and listed.any() and ("radial" in key or "tangential" in key):
                     raise ValueError(f"{key} has {listed.size} numbers, expected k1, k2, p1, p2 and more")
                 return [float(v) for v in listed]
@@ -298,6 +300,7 @@ def _lens(plain: dict[str, Any], names: tuple[str, ...]) -> list[float]:
 def _camera(values, lens, size: tuple[int, int]) -> Camera:
     fx, fy, cx, cy, *more = (float(v) for v in values)
     lens = tuple(lens) or tuple(more)
+    lens = lens if any(lens[8:]) else lens[:8]  # OpenCV writes 12 and 14, of which the last are those of prisms and tilts
     numbers = [fx, fy, cx, cy, *lens]
     if not np.all(np.isfinite(numbers)) or not (fx > 0 and fy > 0) or len(lens) > 8:
         raise ValueError(f"found fx={fx:g} fy={fy:g}, {len(lens)} numbers of a lens; expected fx, fy above 0 and at most 8")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rhs.api.errors import ConfigError
+from rhs.api.errors import ConfigError, RecordingError
 from rhs.api.geometry import Camera
 from rhs.api.records import Capture
 
@@ -151,9 +151,17 @@ def truth_of(file: Path | None, settings, numbers: Sequence[str] = (), *, untime
     poses.py by the line, or of a folder by the numbers of the views in their names. Poses as the file has them; None where
     it has none. untimed: the views have no stamps of their own: as many poses as views are one each."""
     if settings.truth:
-        file = typed_file(settings.truth)
+        return _truth_in(typed_file(settings.truth), settings, numbers, untimed=untimed)
     if file is None:
         return (lambda line, stamp_s: None), Counter()
+    try:
+        return _truth_in(file, settings, numbers, untimed=untimed)
+    except (ConfigError, RecordingError) as error:
+        raise ConfigError(f"{error}; {file.name} was taken for the true poses of the views beside it: rename it to go "
+                          "without them, or type source.truth=FILE") from None
+
+
+def _truth_in(file: Path, settings, numbers: Sequence[str], *, untimed: bool) -> tuple[At, Counter]:
     if file.is_dir():
         named = poses_by_number(file)
         return (lambda line, stamp_s: named.get(int(float(numbers[line])))), Counter()
