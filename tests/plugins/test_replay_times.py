@@ -37,12 +37,13 @@ def at(folder, **settings):
 SECONDS = [7.0, 7.1, 7.2, 7.35, 7.4]
 
 
-@pytest.mark.parametrize("name", ["timestamps.txt", "times.txt"])
+@pytest.mark.parametrize(("name", "head"), [("timestamps.txt", "# seconds"), ("times.txt", "time [s]"),
+                                            ("timestamps.csv", "frame,timestamp")])
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("line", ["{s}", "{n} {s}", "{n},{s}", "{s:e}"])
-def test_a_time_a_line_is_when_the_views_were_taken(tmp_path, name, first, line):
+def test_a_time_a_line_is_when_the_views_were_taken(tmp_path, name, head, first, line):
     rows = (line.format(n=first + k, s=second) for k, second in enumerate(SECONDS))
-    (images(tmp_path, first=first) / name).write_text("# seconds\n" + "\n".join(rows) + "\n")
+    (images(tmp_path, first=first) / name).write_text(f"{head}\n" + "\n".join(rows) + "\n")
     stamps, timed = at(tmp_path)
     assert stamps == pytest.approx(SECONDS) and timed
     assert at(tmp_path, rate_hz=5.0)[0] == pytest.approx([0.2 * k for k in range(5)])  # what is typed wins

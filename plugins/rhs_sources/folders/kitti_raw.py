@@ -33,8 +33,9 @@ EARTH_M = 6378137.0  # radius, as the development kit has it
 OXTS = 30  # numbers a packet; the first six are latitude and longitude (degrees), height, roll, pitch and yaw
 CLOUDS = "velodyne_points"
 STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d+)?")
-TIMES, MOST_STEP_S = ("timestamps.txt", "times.txt"), 10.0
+TIMES, MOST_STEP_S = ("timestamps.txt", "times.txt", "timestamps.csv", "times.csv"), 10.0
 PLAIN = re.compile(r"(\d+\s+)?\d+(\.\d*)?([eE][-+]?\d+)?")  # a time, or the number of a view and one
+HEADER = re.compile(r"[A-Za-z_\s()\[\]]+")  # names of columns
 log = logging.getLogger("rhs.replay")
 
 
@@ -171,13 +172,14 @@ def _true(folder: Path, camera_from_imu: np.ndarray) -> Poses:
 
 
 def times_beside(path: Path, settings, *, say: bool = True) -> Path | None:
-    """The timestamps.txt or times.txt of numbered images or clouds, in their folder or one up: a time a line (KITTI-360), or
-    a number of theirs and a time; None where a rate is typed. One of another form is said to be left out."""
+    """The timestamps or times (.txt, .csv) of numbered images or clouds, in their folder or one up: a time a line
+    (KITTI-360), or a number of theirs and a time; None where a rate is typed. One of another form is said to be left out."""
     file = next((place / name for place in (path, path.parent) for name in TIMES if (place / name).is_file()), None)
     if settings.rate_hz or file is None:
         return None
     text = file.read_text("utf-8", "replace")
-    first = next((line.replace(",", " ") for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+    lines = [line.replace(",", " ") for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    first = next(iter(lines[1:2] if lines and HEADER.fullmatch(lines[0]) else lines), "")
     if STAMP.match(text) or PLAIN.fullmatch(first.strip()):
         return file
     if say:
@@ -194,6 +196,8 @@ def drive_stamps(file: Path, numbers: list[int], settings) -> tuple[np.ndarray, 
     times: dict[int, float] = {}
     for line, words in rows(file, str):
         text, where = " ".join(words), f"{file.parent.name}/{file.name}:{line}"
+        if not times and HEADER.fullmatch(text):
+            continue
         if PLAIN.fullmatch(text):
             times[int(words[0]) if len(words) == 2 else len(times)] = seconds_of(words[-1], where)
         elif STAMP.fullmatch(text):
