@@ -77,6 +77,9 @@ class Refinement(Bounded):
     """at most so many of each key scan"""
     least_share: float = within(0.35, 0.0, 1.0)
     """of the points that must find a partner"""
+    least_met: float = within(0.2, 0.0, 10.0)
+    """of the walls that a scan sees that it must share with the other passage: its beams end at them. In a maze of 1 m ways
+    96 % of the pairs that were wrong had less, in six buildings and mazes 2 % of the right ones"""
     reach_m: float = within(0.3, 0.02, 10.0)
     """partners are looked for as far as this, metres, and ..."""
     shrink: float = within(0.7, 0.1, 1.0)
