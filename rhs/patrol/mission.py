@@ -98,7 +98,7 @@ class Mission:
     mission: int
     place: str
     goal_m: list[float]
-    start_m: list[float]
+    start_m: list[float] | None  # of a robot that does not know where it is
     status: MissionStatus = MissionStatus.ACTIVE
     reason: str = ""
     replans: int = 0
@@ -123,10 +123,11 @@ class Logbook:
     def done(self) -> bool:
         return self.visited >= len(self.places) and self.current is None
 
-    def open(self, at_m: np.ndarray) -> Mission:
-        """Begin the mission to the next place."""
+    def open(self, at_m: np.ndarray | None) -> Mission:
+        """Begin the mission to the next place, from (2,) metres; None: nobody knows from where."""
         name, x, y = self.places[self.visited]
-        mission = Mission(len(self.missions) + 1, name, [float(x), float(y)], [float(v) for v in at_m])
+        mission = Mission(len(self.missions) + 1, name, [float(x), float(y)],
+                          None if at_m is None else [float(v) for v in at_m])
         self.missions.append(mission)
         return mission
 

@@ -106,7 +106,7 @@ class Sentinel(Barred):
         """The mission of a robot that cannot say where it begins: the current one, or the next."""
         if self.book.current is None:
             self._more(planar(belief.map_from_body))  # whoever finds its places as it goes chooses one
-        return self.book.current or self.book.open(np.array([-1.0, -1.0]))
+        return self.book.current or self.book.open(None)
 
     # --- one mission --------------------------------------------------------------------------------------------
 
@@ -274,8 +274,10 @@ class Sentinel(Barred):
         mission = self._mission(belief)
         events.append(Event.LOST)
         no_way = self._no_way_on()
-        if no_way or self.lost_steps > self.settings.lost_views or self.lost_in_all > self.settings.lost_views_total:
-            self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {self.lost_steps - 1} views"
+        too_long = self.lost_in_all > self.settings.lost_views_total
+        if no_way or too_long or self.lost_steps > self.settings.lost_views:
+            views = f"{self.lost_in_all - 1} views of the patrol" if too_long else f"{self.lost_steps - 1} views"
+            self._finish(MissionStatus.GAVE_UP, f"lost: the robot did not find itself in {views}"
                          f"{f'; {no_way}' if no_way else ''}", events)
             if self.book.done:
                 return Decision(None, None, tuple(events), mission.mission)

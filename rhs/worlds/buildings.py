@@ -172,6 +172,10 @@ def settled(world: World, building: Building, file: Section) -> World:
         if left:  # half a cell decides whether a door is wide enough
             grid = truth_grid(inside, 0.5 * grid.resolution_m)
             left = rooms_left_m2(grid, world.robot_radius_m, start)
+        if left and 4 * grid.probability.size <= MOST_CELLS:  # walls askew fill more cells than they are thick
+            finer = truth_grid(inside, 0.5 * grid.resolution_m)
+            still = rooms_left_m2(finer, world.robot_radius_m, start)
+            grid, left = (finer, still) if len(still) < len(left) else (grid, left)
         if isinstance(places, int):
             need_m, floor = world.robot_radius_m + MARGIN_M + SPARE_M, grid
             grid, start = keep_near_walls(grid, start, need_m, given=not given.isdisjoint(("start", "route_m")))

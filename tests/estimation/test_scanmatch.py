@@ -167,6 +167,25 @@ def test_pose_graph_straightens_the_way_back_by_the_walls_alone():
     assert sideways_m(closure.poses) < 0.5 * sideways_m(untouched.poses)
 
 
+def test_the_other_face_of_a_partition_is_not_laid_on_the_one_seen_before():
+    """A hall with a wall 0.2 m thick that ends in the open: along it on one side, round its end, and back on the other."""
+    probability = np.full((62, 142), 0.02, np.float32)
+    probability[[0, -1]] = probability[:, [0, -1]] = 0.98
+    probability[30:32, 1:100] = 0.98  # y 3.0 to 3.2 m
+    grid = OccupancyGrid(probability, 0.1, (0.0, 0.0))
+    out = [se2(x, 2.5, np.radians(15.0)) for x in np.arange(3.0, 11.0, 0.25)]
+    back = [se2(x, 3.7, np.radians(195.0)) for x in np.arange(11.0, 3.0, -0.25)]
+    way = [*out, se2(11.5, 3.0, np.radians(90.0)), *back]
+    views = [View(k, 0.1 * k, CAMERA, Motion(np.eye(4), np.eye(6), Tracking.OK), pose, np.eye(6),
+                  _scan(grid, planar(pose), 0.01), None) for k, pose in enumerate(way)]
+    poses = np.stack(way)
+    edges = scan_edges(views, poses, travelled_m(poses), ScanLoopSettings())
+    assert len(edges) >= 3
+    for edge in edges:  # the belief is right: each face laid on itself moves nothing, the back on the front 8 cm and more
+        wrong = planar(inverse(edge.earlier_from_later) @ inverse(way[edge.earlier]) @ way[edge.later])
+        assert np.hypot(*wrong[:2]) < 0.03
+
+
 def test_views_that_look_the_same_way_are_left_to_the_camera():
     way, views = _there_and_back(0.0)
     poses = np.stack([view.map_from_body for view in views[:48]])

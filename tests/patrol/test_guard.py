@@ -292,7 +292,10 @@ class NeverSure:
 def test_a_lost_patrol_ends_within_its_bound_whatever_the_number_of_places():
     settings = MissionSettings(lost_views=30, lost_views_total=50)
     sentinel, out = patrol(Flatland(ring(), (1.0, 1.0, 0.0), CORNERS * 5), settings, NeverSure())
-    assert len(out) < 50 + 2 * 15 and {m.status for m in sentinel.book.missions} == {"gave_up"}
+    missions = sentinel.book.missions
+    assert len(out) < 50 + 2 * 15 and {m.status for m in missions} == {"gave_up"}
+    assert missions[0].reason.endswith("in 30 views") and missions[1].reason.endswith("in 50 views of the patrol")
+    assert all(m.start_m is None for m in missions), "nobody knows where they began"
     assert not any(step.collided for step in out)
 
 

@@ -96,3 +96,15 @@ def test_where_no_place_is_seen_twice_nothing_is_said_and_nothing_moves_far():
     assert np.isnan(map_inconsistency([view.scan for view in views], WAY[:60]))
     shift = np.linalg.norm(closure.poses[:, :2, 3] - np.array([v.map_from_body for v in views])[:, :2, 3], axis=1)
     assert shift.max() < 0.05
+
+
+def test_corridors_side_by_side_are_not_laid_onto_one_another():
+    """Five lanes 1 m wide with walls of 0.2 m between, driven there and back by an odometry that makes no error."""
+    walls = np.concatenate([box(0, 0, 4, 5.8), *(box(0, y, 3, y + 0.2) for y in (1.0, 3.4)),
+                            *(box(1, y, 4, y + 0.2) for y in (2.2, 4.6))])
+    lanes = [corner for y in (0.5, 2.9, 5.3) for corner in ((0.5, y), (3.5, y), (3.5, y + 1.2), (0.5, y + 1.2))][:-2]
+    way = drive([*lanes, *lanes[-2::-1]])
+    motion = Motion(np.eye(4), 1e-4 * np.eye(6), Tracking.OK)
+    views = views_of(observed(walls, way), [motion] * len(way), way)
+    closed = ScanGraph().build(None).close(views)
+    assert np.hypot(*(flat(closed.poses) - way)[:, :2].T).max() < 0.05

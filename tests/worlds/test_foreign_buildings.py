@@ -280,6 +280,18 @@ def test_a_drawn_plan_is_listed_and_what_may_be_writing_is_said(tmp_path, capsys
     assert main(["worlds", str(tmp_path / "flat.png")]) == 0 and "marks" not in caplog.text
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.4])
+def test_a_door_that_the_robot_gets_through_is_found_however_the_map_is_turned(yaw, tmp_path, caplog):
+    """Two rooms of 4 x 4 m, a wall of 0.1 m and a door of 0.75 m; the robot takes 0.6 m with what it keeps to each side."""
+    picture = np.full((220, 430), 255, np.uint8)
+    picture[:10], picture[-10:], picture[:, :10], picture[:, -10:], picture[:, 210:215] = 0, 0, 0, 0, 0
+    picture[70:108, 210:215] = 255
+    cv2.imwrite(str(tmp_path / "flat.png"), picture)
+    world = load_world(write(tmp_path / "flat.yaml", f"image: flat.png\nresolution: 0.02\norigin: [3, -2, {yaw}]\n"))
+    along = (world.route_m - (3, -2)) @ (np.cos(yaw), np.sin(yaw))
+    assert along.min() < 3.5 and along.max() > 5.0 and "leaves out" not in caplog.text
+
+
 def test_meshes_of_a_package_are_found_in_its_folder_meshes(tmp_path):
     """As Clearpath's worlds name them, with the uri in lines of its own."""
     (tmp_path / "meshes/office").mkdir(parents=True)

@@ -77,6 +77,9 @@ class Refinement(Bounded):
     """at most so many of each key scan"""
     least_share: float = within(0.35, 0.0, 1.0)
     """of the points that must find a partner"""
+    least_met: float = within(0.2, 0.0, 10.0)
+    """of the walls that a scan sees, those that it must share with the other passage: its beams end at them. In ten surveys,
+    four of them of mazes, 328 of 390 pairs that were wrong by 6 to 10 cm and more had less, and 41 of 1,726 others"""
     reach_m: float = within(0.3, 0.02, 10.0)
     """partners are looked for as far as this, metres, and ..."""
     shrink: float = within(0.7, 0.1, 1.0)

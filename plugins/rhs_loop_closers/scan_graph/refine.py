@@ -8,8 +8,10 @@ from scipy.spatial import cKDTree
 
 from rhs.api.records import View
 from rhs.estimation.filters.pose_graph import joined
+from rhs.estimation.scans.inconsistency import CLEAR_M
 from rhs.estimation.scans.planar_poses import between, composed
-from rhs.estimation.scans.point_map import PointMap, cloud_of, gathered, seen_directions
+from rhs.estimation.scans.point_map import Cloud, PointMap, cloud_of, gathered, seen_directions
+from rhs.estimation.scans.settings import PointSettings
 
 from .config import Refinement
 from .graph import Graph, solved
@@ -32,7 +34,9 @@ def refine_passages(graph: Graph, settings: Refinement) -> None:
                 maps[j] = _around(graph, j, settings)
             start = between(graph.poses[j], graph.poses[k])
             fit = maps[j].fit(keys.clouds[k], start, WEAK, graph.settings.points, steps=6, reach=(reach_m, reach_m))
-            if fit.share > settings.least_share:
+            if fit.share <= settings.least_share:
+                continue
+            if _met(maps[j], keys.clouds[k], fit.pose, graph.settings.points) > settings.least_met:
                 first.append(j)
                 second.append(k)
                 seen.append(fit.pose)
@@ -52,6 +56,14 @@ def _around(graph: Graph, j: int, settings: Refinement) -> PointMap:
     chosen = keys.along(j, settings.map_m, settings.map_m)
     seen_from = between(np.tile(graph.poses[j], (len(chosen), 1)), graph.poses[chosen])
     return PointMap(*gathered([keys.clouds[n] for n in chosen], seen_from, cell_m=graph.settings.points.cell_m))
+
+
+def _met(walls: PointMap, cloud: Cloud, pose: np.ndarray, settings: PointSettings) -> float:
+    """How many of the walls the beams of a scan end at from a pose (3,), as a share of the walls that it sees itself, both
+    counted in cells. Without any it stands in the next corridor, and what looks alike is another wall."""
+    _, met = walls.seen_through(cloud, pose, far_m=settings.range_max_m, clear_m=CLEAR_M)
+    seen, _ = gathered([cloud], np.zeros((1, 3)), cell_m=settings.cell_m)
+    return met / max(len(seen), 1)
 
 
 def neighbours(graph: Graph, settings: Refinement) -> list[tuple[int, int]]:

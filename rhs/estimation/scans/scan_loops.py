@@ -15,7 +15,7 @@ from rhs.api.geometry import inverse, planar, se2, wrap
 from rhs.api.grid import OccupancyGrid
 from rhs.api.records import LoopEdge, View
 
-from .scan_match import ScanMatcher, ends
+from .scan_match import ScanMatcher, ends, wall_lines_of
 from .settings import MatchSettings, ScanLoopSettings
 
 
@@ -42,38 +42,41 @@ def scan_edges(
 
 
 class _Walls:
-    """Wall points of views, each scan looked at once. poses (N, 4, 4)."""
+    """Wall points of views and the eyes that saw them, each scan looked at once. poses (N, 4, 4)."""
 
     def __init__(self, views: Sequence[View], poses: np.ndarray, match: MatchSettings) -> None:
         self._views, self.poses, self._match = views, poses, match
         self._points: dict[int, np.ndarray] = {}
 
     def cloud(self, chosen: np.ndarray, at: int) -> np.ndarray:
-        """(M, 2) wall points of the chosen views (N,), in the frame of view `at`, metres."""
+        """(2, M, 2) wall points of the chosen views (N,) and where each was seen from, in the frame of view `at`, metres."""
         views = np.nonzero(chosen)[0]
         at_from_view = inverse(self.poses[at]) @ self.poses[views]
         yaw = np.arctan2(at_from_view[:, 1, 0], at_from_view[:, 0, 0])
         c, s = np.cos(yaw), np.sin(yaw)
         turned = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
         parts = zip(views.tolist(), turned, at_from_view[:, :2, 3], strict=True)
-        return np.concatenate([np.empty((0, 2)), *(self._of(k) @ turn + shift for k, turn, shift in parts)])
+        return np.concatenate([np.empty((2, 0, 2)), *(self._of(k) @ turn + shift for k, turn, shift in parts)], axis=1)
 
     def _of(self, view: int) -> np.ndarray:
         if view not in self._points:
             scan = self._views[view].scan
-            self._points[view] = ends(scan, self._match) if scan is not None else np.empty((0, 2))
+            points = ends(scan, self._match) if scan is not None else np.empty((0, 2))
+            eyes = np.zeros_like(points) + (scan.origin_xy_m if scan is not None else 0.0)
+            self._points[view] = np.stack([points, eyes])
         return self._points[view]
 
 
 def _edge(walls: _Walls, way_m: np.ndarray, pair: tuple[int, int], settings: ScanLoopSettings) -> LoopEdge | None:
     """The edge between one pair of views, or None when their walls do not fit."""
     earlier, later = pair
+    earlier_from_later = inverse(walls.poses[earlier]) @ walls.poses[later]
     chart = walls.cloud(np.abs(way_m - way_m[earlier]) <= settings.there_m, earlier)
-    cloud = _thinned(walls.cloud(np.abs(way_m - way_m[later]) <= settings.back_m, later), settings.cell_m)
+    chart = _facing(chart[0], chart[1], earlier_from_later[:2, 3], settings)
+    cloud = _thinned(walls.cloud(np.abs(way_m - way_m[later]) <= settings.back_m, later)[0], settings.cell_m)
     if min(len(chart), len(cloud)) < settings.least_points:
         return None
     prior = np.diag([settings.sigma_m**2, settings.sigma_m**2, settings.sigma_rad**2])
-    earlier_from_later = inverse(walls.poses[earlier]) @ walls.poses[later]
     state = planar(earlier_from_later)
     found = ScanMatcher(_drawn(chart, settings.cell_m), settings.match).match_points(cloud, state, prior)
     if found is None:
@@ -84,6 +87,20 @@ def _edge(walls: _Walls, way_m: np.ndarray, pair: tuple[int, int], settings: Sca
     # the match moves the pose in the plane; what the belief says of height and tilt stays
     edge = earlier_from_later @ inverse(se2(*state)) @ se2(*found.state)
     return LoopEdge(earlier, later, edge, covariance, len(cloud))
+
+
+def _facing(points: np.ndarray, eyes: np.ndarray, looks_from: np.ndarray, settings: ScanLoopSettings) -> np.ndarray:
+    """The wall points (M, 2), seen from eyes (M, 2), without those whose wall looks away from looks_from (2,): a thin wall
+    has two faces, and who looks back sees the other one."""
+    if len(points) == 0:
+        return points
+    grid = _drawn(points, settings.cell_m)
+    normals, _ = wall_lines_of(np.where(grid.occupied(), grid.probability, 0.0))
+    columns, rows = np.floor((points - grid.origin_m) / grid.resolution_m).astype(int).T
+    normal = normals[rows, columns]
+    seen_from, looked_from = (((eye - points) * normal).sum(axis=1) for eye in (eyes, looks_from))
+    facing: np.ndarray = points[np.sign(seen_from) * looked_from >= -settings.behind_m]
+    return facing
 
 
 def _thinned(points: np.ndarray, cell_m: float) -> np.ndarray:

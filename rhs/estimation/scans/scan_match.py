@@ -62,7 +62,7 @@ class ScanMatcher:
             return
         gap, nearest = distance_transform_edt(~occupied, return_indices=True)
         self._gap = gap * grid.resolution_m
-        normal, middle = _wall_lines(np.where(occupied, np.nan_to_num(grid.probability), 0.0))
+        normal, middle = wall_lines_of(np.where(occupied, np.nan_to_num(grid.probability), 0.0))
         row, column = nearest
         self._facing = _facing(grid, normal, self.settings.behind_cells)[row, column]
         self._normal = normal[row, column]
@@ -172,7 +172,7 @@ class ScanMatcher:
         return (vectors * kept) @ vectors.T / np.outer(scale, scale), int((kept > 0).sum())
 
 
-def _wall_lines(mass: np.ndarray, sigma_cells: float = 2.5) -> tuple[np.ndarray, np.ndarray]:
+def wall_lines_of(mass: np.ndarray, sigma_cells: float = 2.5) -> tuple[np.ndarray, np.ndarray]:
     """For each cell of (H, W) wall mass: normal (H, W, 2) of the line through the walls around it, zero where they have no
     direction (a corner, a lone cell), and the middle of these walls (H, W, 2) from the cell's own, in cells. x, then y."""
     from scipy.ndimage import correlate1d

@@ -86,6 +86,9 @@ class ScanLoopSettings(Bounded):
     """and its heading, radians (1 sigma)"""
     cell_m: float = within(0.1, 0.01, 2.0)
     """cells of map and cloud, metres"""
+    behind_m: float = within(0.2, 0.0, 100.0)
+    """a wall seen on the way there looks away from who comes back this far behind its face, metres: less than a robot keeps
+    from a wall, as the belief may be off"""
     least_points: int = within(50, 8, 100_000)
     """fewer wall points on either side say nothing"""
     match: MatchSettings = field(default_factory=lambda: MatchSettings(sigma_m=0.05, trust=0.1, unmapped=0.0))
