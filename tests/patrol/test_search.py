@@ -120,7 +120,8 @@ def test_a_robot_finds_its_way_out_of_an_alley_hardly_wider_than_itself():
     occupied[8:30, 26:34] = False
     places = (("a", 1.5, 4.5),)
     world = Flatland(occupied, (3.03, 1.3, -0.5 * np.pi), places)
-    sentinel = Sentinel(parts(KnowsInTheRoom(world)), world.grid(), (), places=places, radius_m=0.3, settings=MissionSettings())
+    sentinel = Sentinel(parts(KnowsInTheRoom(world)), world.grid(), (), places=places, radius_m=0.3,
+                        settings=MissionSettings())
     out = list(steps(world, Through(world.camera), Oracle(world), sentinel))
     assert [m.status for m in sentinel.book.missions] == ["arrived"]
     assert not any(step.collided for step in out) and len(out) < 200
