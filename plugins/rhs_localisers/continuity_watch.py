@@ -43,7 +43,8 @@ class ContinuityWatch:
         One camera's key-points have no depth: there the odometry tells whether it followed enough points from the last view.
         Where the key-points cannot tell, measured scans do: they break where one cannot follow the other, and go on where
         the new one lies on the walls of the map as well. Key-points that break while half of the scan goes on are those of
-        somebody who passes close by, and tell nothing; where most of the scan lies on walls too, nobody was carried off.
+        somebody who passes close by, and tell nothing; where most of the scan lies on walls too, and the odometry did not
+        lose its way, nobody was carried off.
         sparing: do not look for key-points where the scan alone says that the view goes on."""
         scan, self._scan = self._scan, observation.scan
         still = self._hangs(observation)
@@ -101,7 +102,8 @@ class ContinuityWatch:
         last, since = self._previous or (None, np.eye(4))
         seen = continuity(last, self._features, observation.camera, since, self._rules)
         if seen is Continuity.BROKEN and self._passer_by(scan, motion):
-            return Continuity.GOES_ON if self.on_walls(expected, self._rules.passer_by_walls) else Continuity.UNKNOWN
+            alike = self.on_walls(expected, self._rules.passer_by_walls)
+            return Continuity.GOES_ON if alike and self._followed(scan, motion) else Continuity.UNKNOWN
         if seen is not Continuity.UNKNOWN:
             return seen
         if motion.scan_measured and motion.status is Tracking.OK:
@@ -113,6 +115,12 @@ class ContinuityWatch:
     def _passer_by(self, last: Scan | None, motion: Motion) -> bool:
         share = scan_share(last, self._scan, motion.previous_from_body, self._rules, fine=True)
         return share >= self._rules.passer_by_share
+
+    def _followed(self, last: Scan | None, motion: Motion) -> bool:
+        """Whether the odometry followed its way, or so much of the scan goes on that it need not: half of one goes on in
+        another room as well, now and then."""
+        return motion.status is Tracking.OK or scan_continuity(
+            last, self._scan, motion.previous_from_body, self._rules) is Continuity.GOES_ON
 
     def on_walls(self, pose: np.ndarray | None, share: float | None = None) -> bool:
         """Whether this share of the last scan, else smooth_share, lies on the walls of the map if taken at a pose (3,)."""

@@ -25,6 +25,8 @@ class StereoAdvanced(Bounded):
     """smaller islands of disparity are unknown, pixels of an image 320 wide; grows with the image"""
     texture_half_px: int = within(4, 0, 50)
     """texture is measured in a square of this half side, pixels"""
+    coarser: int = within(4, 0, 16)
+    """obstacles without texture enough are looked for in images so many times smaller too; 0: nowhere"""
     obstacle: BandSettings = field(default_factory=lambda: BandSettings(floor_m=0.1, floor_per_m=0.05, range_m=3.0))
     floor_end: FloorEndSettings = field(default_factory=FloorEndSettings)
 

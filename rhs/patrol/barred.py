@@ -9,7 +9,7 @@ import numpy as np
 from rhs.api.contracts import Blockage, Blocked
 from rhs.api.geometry import se2, wrap
 from rhs.api.grid import OccupancyGrid
-from rhs.api.records import Event, MissionStatus, Path, Scan, Twist, View
+from rhs.api.records import Event, MissionStatus, Path, PlanReason, Scan, Twist, View
 from rhs.api.robot_shape import Footprint
 from rhs.api.task import Parts
 from rhs.api.validate import check_blocked
@@ -145,11 +145,12 @@ class Barred:
 
     def _ventures(self, pose: np.ndarray, events: list[Event]) -> bool:
         """Whether there is a way over ground that nobody has looked at: the guard lets the robot go as far as it sees, and
-        what stands there becomes an obstacle. Tried once a mission when the other places are done, and no more once
-        something was touched there."""
+        what stands there becomes an obstacle. Tried once a mission, when the other places are done or the robot could not
+        set off for them either, and no more once something was touched there."""
         if self.ventured or self.rebuffed or self.phase != "patrol" or not self.guard.sees or not self._squeezes:
             return False
-        if self.book.others(pose[:2]) and not self.book.skipped():
+        cannot_set_off = self.last_reason is PlanReason.START_BLOCKED
+        if self.book.others(pose[:2]) and not self.book.skipped() and not cannot_set_off:
             return False  # first those that can be reached without
         wider = with_unseen(self.grid, self.free, self.settings.advanced.unseen_m)
         if not (wider & ~self.free).any():

@@ -19,6 +19,7 @@ from .guard import Guard
 HOPE = 0.5  # chance of being right above which the robot goes on the way it looks
 GO_ON_M = 2.0  # way between two looks round
 ROOM_M = 0.6  # less room than this ahead: turn
+ENOUGH_RAD = 4.0 * np.pi  # turned on end without a step ahead: the room asked for is nowhere
 STOP_SHORT_M = 0.15  # the robot stops this far from what it sees ahead
 OPEN_M = 5.0  # farther than this the room is as good as it gets
 
@@ -34,6 +35,7 @@ class Search:
         """The robot is not lost: the next search begins with a look round."""
         self._turned_rad, self._way_m, self._side, self._away = 0.0, 0.0, 0.0, 0
         self._barred_rad, self._leave_m = 0.0, 0.0  # turned where there was no way to go on; metres to go whatever is hoped
+        self._spun_rad, self._out_m, self._queued = 0.0, 0.0, list[Twist]()  # turned on end; metres out of a narrow place
 
     def turn_away(self) -> None:
         """There is no way ahead, whatever the scan says: the next commands turn the robot by a quarter, on the same side."""
@@ -42,11 +44,26 @@ class Search:
 
     def guarded(self, belief: Belief, scan: Scan | None, guard: Guard) -> tuple[Twist, Event | None]:
         """The next command as far as the guard allows it, else a turn away; and why it is another one."""
-        command, why = guard.allow(self.next(belief, scan))
+        if guard.sees and self._spun_rad >= ENOUGH_RAD:
+            self._spun_rad, self._out_m = 0.0, GO_ON_M
+        command, why = guard.allow(self._out(guard) or self.next(belief, scan))
         if command is None:
             self.turn_away()
             command = self.next(belief, scan)
+        self._spun_rad = 0.0 if command.forward_mps else self._spun_rad + abs(command.turn_radps) * command.duration_s
         return command, why
+
+    def _out(self, guard: Guard) -> Twist | None:
+        """The next command out of a place that leaves less room than `_go` asks for, by what the guard knows round it."""
+        if self._out_m <= 0.0:
+            return None
+        self._queued = self._queued or guard.way_out(0.0)
+        if not self._queued:
+            self._out_m = 0.0
+            return guard.back_off()
+        command = self._queued.pop(0)
+        self._out_m -= command.forward_mps * command.duration_s
+        return command
 
     def next(self, belief: Belief, scan: Scan | None) -> Twist:
         """The next command."""

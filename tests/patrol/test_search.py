@@ -98,3 +98,30 @@ def test_a_robot_that_faces_the_other_way_turns_back_is_recognised_and_visits_it
     assert [m.status for m in sentinel.book.missions] == ["arrived"] * 2
     assert not any(step.collided for step in out)
     assert sum("lost" in step.event for step in out) < 60
+
+
+class KnowsInTheRoom:
+    """Knows its place in the room beyond y = 3 m, and nothing in the blind alley before it."""
+
+    def __init__(self, world):
+        self.world, self.known = world, False
+
+    def update(self, observation, motion):
+        self.known = self.known or bool(planar(self.world.truth())[1] > 3.0)
+        probability = 1.0 if self.known else 0.1
+        status = BeliefStatus.TRACKING if self.known else BeliefStatus.LOST
+        return Belief(self.world.truth() if self.known else np.eye(4), 1e-4 * np.eye(6), status, probability)
+
+
+def test_a_robot_finds_its_way_out_of_an_alley_hardly_wider_than_itself():
+    """0.8 m wide, the robot 0.6 and 3 cm off the middle: less than a searching robot asks for."""
+    occupied = np.ones((60, 60), bool)
+    occupied[30:55, 5:55] = False
+    occupied[8:30, 26:34] = False
+    places = (("a", 1.5, 4.5),)
+    world = Flatland(occupied, (3.03, 1.3, -0.5 * np.pi), places)
+    sentinel = Sentinel(parts(KnowsInTheRoom(world)), world.grid(), (), places=places, radius_m=0.3,
+                        settings=MissionSettings())
+    out = list(steps(world, Through(world.camera), Oracle(world), sentinel))
+    assert [m.status for m in sentinel.book.missions] == ["arrived"]
+    assert not any(step.collided for step in out) and len(out) < 200

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flatland import Flatland, Oracle, Through, parts, ring
+from flatland import Dijkstra, Flatland, Oracle, Through, parts, ring
 from test_policies import barrier
 
 from rhs.api.grid import OccupancyGrid
+from rhs.api.records import Path, PlanReason
 from rhs.patrol.loop import steps
 from rhs.patrol.mission import MissionAdvanced, MissionSettings
 from rhs.patrol.planning import with_unseen
@@ -30,16 +31,28 @@ class Glass(Flatland):
         return gap
 
 
-def patrol(hidden, *, unseen_m=1.0, pane=None, places=PLACE):
+class FromFree(Dijkstra):
+    """Sets off from free cells only, and says so."""
+
+    corners = False
+
+    def plan(self, problem):
+        x, y = np.floor((problem.start_m - problem.origin_m) / problem.resolution_m).astype(int)
+        if problem.blocked[y, x]:
+            return Path(PlanReason.START_BLOCKED, np.zeros((0, 2)), np.zeros((0, 2)))
+        return super().plan(problem)
+
+
+def patrol(hidden, *, unseen_m=1.0, pane=None, places=PLACE, unseen=UNSEEN):
     """Missions and events of a ring whose near way is barred, and whose far way the survey saw but for a stretch."""
     world = Glass(ring(), (1.0, 1.0, 0.0), places, hidden=hidden)
     world.pane = world.pane if pane is None else pane
     grid = world.grid()
     probability = grid.probability.copy()
-    probability[UNSEEN] = np.nan
+    probability[unseen] = np.nan
     oracle = Oracle(world)
-    given = parts(oracle)
-    given.planner.corners, given.replan = False, GoRound()
+    given = parts(oracle, FromFree())
+    given.replan = GoRound()
     settings = MissionSettings(advanced=replace(MissionAdvanced(), unseen_m=unseen_m))
     sentinel = Sentinel(given, replace(grid, probability=probability), (), places=places, radius_m=world.radius,
                         settings=settings)
@@ -79,6 +92,12 @@ def test_places_that_can_be_reached_without_come_first():
     missions, events = patrol(barrier(), places=(*PLACE, ("near", 1.0, 3.0)))
     assert [(m.place, str(m.status)) for m in missions] == [("a", "skipped"), ("near", "arrived"), ("a", "arrived")]
     assert events.count("venture") == 1 and events.index("venture") > events.index("arrived")
+
+
+def test_who_stands_on_unseen_ground_sets_off_from_it_at_once():
+    """Carried to where the survey never looked, none of its places can be reached without: none is given up for it."""
+    missions, events = patrol(np.zeros((80, 80), bool), places=(*PLACE, ("b", 1.0, 6.5)), unseen=np.s_[3:18, 3:18])
+    assert [str(mission.status) for mission in missions] == ["arrived", "arrived"] and events.count("venture") == 1
 
 
 def test_nothing_is_ventured_while_a_known_way_is_left():

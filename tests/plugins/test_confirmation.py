@@ -184,12 +184,12 @@ def test_without_key_points_scans_tell_whether_a_view_goes_on():
 
 def test_key_points_of_somebody_close_by_do_not_outvote_half_of_a_scan():
     """The picture changes altogether; the wall stands where it stood in two thirds or four fifths of the fan, or nowhere.
-    Where four fifths lie on the wall of the map too, nobody was carried off."""
-    def seen(after, walls=None):
+    Where four fifths lie on the wall of the map too, nobody was carried off, unless the odometry says it lost its way."""
+    def seen(after, walls=None, status=Tracking.OK, before=None):
         part = ContinuityWatch(FEATURES, walls)
-        for angle, scan in ((0.1, _facing(2.95)), (3.2, after)):
+        for angle, scan in ((0.1, before or _facing(2.95)), (3.2, after)):
             view = look(_round(angle))
-            out = part.goes_on(replace(view, scan=scan), Motion(STILL, SMALL, Tracking.OK), MIDDLE)
+            out = part.goes_on(replace(view, scan=scan), Motion(STILL, SMALL, status), MIDDLE)
         return out
 
     def somebody(beams):
@@ -198,6 +198,9 @@ def test_key_points_of_somebody_close_by_do_not_outvote_half_of_a_scan():
 
     assert seen(somebody(7)) is UNKNOWN and seen(somebody(4)) is UNKNOWN
     assert seen(somebody(7), _walls()) is UNKNOWN and seen(somebody(4), _walls()) is GOES_ON
+    gone = {"before": somebody(7)}
+    assert seen(_facing(2.95), _walls(), **gone) is GOES_ON
+    assert seen(_facing(2.95), _walls(), Tracking.LOST, **gone) is UNKNOWN
     assert seen(_facing(2.5), _walls()) is BROKEN and seen(None, _walls()) is BROKEN
 
 

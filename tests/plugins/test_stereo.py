@@ -16,6 +16,7 @@ from rhs.api.records import Capture
 from rhs.api.stereo import camera_numbers, camera_of
 from rhs.testing.room import CAMERA, paintings, see
 from rhs_sensors.stereo import Stereo
+from rhs_sensors.stereo_coarse import CoarsePair
 from rhs_sensors.stereo_matching import StereoPair
 
 TURNED = se3(exp_so3(np.array([0.01, -0.02, 0.015])), np.array([0.2, 0.004, -0.003]))  # left_from_right of a real rig
@@ -152,3 +153,34 @@ def test_a_euroc_recording_runs_from_end_to_end(tmp_path):
                    "loop_closer=none", f"output={tmp_path / 'run'}", "pictures=off"], quiet=True)
     assert row["status"] == "ok" and row["views"] == 6 and row["tracked_share"] == 1.0
     assert row["ate_rmse_m"] < 0.01
+
+
+def faint(left, right_by_px, noise, seed=0):
+    """Two images of a board 200 px wide with blotches of a grey level, the right one further along, each with its noise."""
+    rng = np.random.default_rng(seed)
+    board = cv2.GaussianBlur(rng.standard_normal((left.height, left.width + right_by_px)), (0, 0), 8.0)
+    board *= 3.0 / board.std()
+    cuts = board[:, :left.width], board[:, right_by_px:]
+    return [np.clip(128.0 + cut[..., None] + rng.normal(0.0, noise, (*cut.shape, 3)), 0, 255).round().astype(np.uint8)
+            for cut in cuts]
+
+
+def test_a_faint_board_has_a_depth_in_smaller_images():
+    left = Camera(320, 240, 300.0, 300.0, 159.5, 119.5)
+    right = beside(left, right_by(0.1))
+    images = faint(left, 32, noise=2.0)
+    assert np.isnan(StereoPair(left, right, Stereo()).depth(*images)).mean() > 0.9
+    coarse, known = CoarsePair(left, right, Stereo()), np.zeros((240, 320), bool)
+    depth = coarse.depth(*images, known)
+    assert depth.shape == (240, 320) and np.isfinite(depth[:, 100:]).mean() > 0.5
+    assert np.nanmedian(depth) == pytest.approx(30.0 / 32.0, rel=0.02)
+    known[100:110, 200:210] = True
+    assert np.isnan(coarse.depth(*images, known)[100:110, 190:220]).all(), "beside what is known it is not asked"
+
+
+def test_noise_alone_has_none_there_either():
+    left = Camera(320, 240, 300.0, 300.0, 159.5, 119.5)
+    rng = np.random.default_rng(0)
+    noise = rng.normal(128, 2.0, (2, 240, 320, 3)).round().astype(np.uint8)
+    coarse = CoarsePair(left, beside(left, right_by(0.1)), Stereo())
+    assert np.isnan(coarse.depth(*noise, np.zeros((240, 320), bool))).mean() > 0.999
