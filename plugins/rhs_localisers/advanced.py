@@ -45,6 +45,11 @@ class ConfirmationRules(Bounded):
     of eight paintings, where 6 of 7 right ones have more, 3 of 4 wrong ones less"""
     fits_share: float = within(0.7, 0.0, 1.0)
     """least share of a scan's ends on walls of the map, seen from a pose that a place confirms"""
+    misfits: int = within(8, 1, 10_000)
+    """so many views on end whose scans lie off the walls say that a robot which may have been carried off unseen was"""
+    misfit_share: float = within(0.6, 0.0, 1.0)
+    """a scan lies off the walls where less of it than this ends on them; in eight patrols of stereo a right belief that
+    nothing watched had no more than three such views on end, a wrong one up to eighteen"""
     room_m: float = within(0.15, 0.0, 10.0)
     """a robot does not stand as near to a wall as this, metres: half its radius"""
     unnamed: float = within(0.2, 0.0, 1.0)

@@ -65,7 +65,7 @@ class PlaceLocaliser:
         self._walls: ScanMatcher | None = None  # the map, to judge scans by ...
         self._matcher: ScanMatcher | None = None  # ... and, if that is wished, to correct the belief by
         self._grid: OccupancyGrid | None = None
-        self._steps, self._last_asked = 0, 0
+        self._steps, self._last_asked, self._misfits = 0, 0, 0
         self._of_fix = np.zeros((6, 6))  # what a place lifted on pictures errs by besides what its key-points say ...
         self._of_map = np.zeros((6, 6))  # ... and covariance of a map drawn by one camera, which no fix in it takes away
         self._spread = MapSpread()  # the same of any other map, where its loop closer says so
@@ -99,7 +99,7 @@ class PlaceLocaliser:
 
     def start(self, belief: Belief | None) -> None:
         """Begin from a belief, or anywhere."""
-        self._steps, self._last_asked, self._contradicted = 0, 0, False
+        self._steps, self._last_asked, self._misfits, self._contradicted = 0, 0, 0, False
         self._before = None
         self._watching.begin()
         self._unhidden = self._advanced.panorama.about
@@ -133,6 +133,7 @@ class PlaceLocaliser:
             self._state = replace(
                 self._state, guesses=tuple(laid_on_map(g, scan, self._matcher) for g in self._state.guesses))
         self._look_round(observation.scan, motion)
+        self._notice_misfit(observation.scan)
         self._steps += 1
         if not self._spares() or not self._watching.overlaps(observation.camera, motion.previous_from_body):
             foretell(self._context.features, observation.index + 1)
@@ -162,9 +163,7 @@ class PlaceLocaliser:
                 self._resume(self._before)
                 return
         if seen is Continuity.BROKEN:
-            self._state, self._contradicted = carried(self._state, self._advanced.continuity.carried, self._trust), True
-            if self._round is not None:
-                self._round.again()
+            self._carried_off()
 
     def _look_round(self, scan: Scan | None, motion: Motion) -> None:
         """Walls seen all round may say that nobody was carried off, where nothing is recognised and people are about."""
@@ -188,6 +187,25 @@ class PlaceLocaliser:
             self._resume(sure)
         else:
             self._state = likelier(state, odds, self._trust)
+
+    def _notice_misfit(self, scan: Scan | None) -> None:
+        """One that may have been carried off unseen, and whose scans lie off the walls view after view, was."""
+        best, rules = self._state.best, self._advanced.confirmation
+        if best is None or not self._confirmation.confirmed or self._confirmation.held:
+            self._misfits = 0
+        elif scan is not None and self._walls is not None and told(scan) >= self._advanced.continuity.telling_beams:
+            off = self._walls.share(scan, planar(best.map_from_body)) < rules.misfit_share
+            self._misfits = 0 if not off else self._misfits + (not self._hides(scan, best))
+        if self._misfits >= rules.misfits:
+            self._confirmation.doubt()
+            self._carried_off()
+
+    def _carried_off(self) -> None:
+        """It may stand anywhere."""
+        self._misfits = 0
+        self._state, self._contradicted = carried(self._state, self._advanced.continuity.carried, self._trust), True
+        if self._round is not None:
+            self._round.again()
 
     def _resume(self, before: Hypotheses) -> Hypotheses:
         """Nobody was carried off: what was known before the doubt holds."""
@@ -322,6 +340,11 @@ def left_on_loop(at_end: np.ndarray, share: float) -> np.ndarray:
 def flat(place_m2: float, turn_rad2: float) -> np.ndarray:
     """(6, 6) of a pose on the floor, alike in all directions."""
     return np.diag([place_m2, place_m2, 0.0, 0.0, 0.0, turn_rad2])
+
+
+def told(scan: Scan) -> int:
+    """Beams of a scan that met something."""
+    return int(np.isfinite(scan.ranges_m).sum())
 
 
 def _inliers(answer: PlaceAnswer) -> float:
