@@ -9,7 +9,7 @@ from painted_survey import FEATURES, SMALL, context, look, ring, survey
 from rhs.api.errors import ConfigError
 from rhs.api.geometry import inverse, planar, se2
 from rhs.api.grid import OccupancyGrid, frame_of
-from rhs.api.records import Belief, BeliefStatus, Motion, Observation, Scan, Tracking
+from rhs.api.records import Belief, BeliefStatus, Features, Motion, Observation, Scan, Tracking
 from rhs.estimation.scans.rays import cast
 from rhs.estimation.views import features as vision
 from rhs.estimation.views.motion_consistency import Continuity
@@ -96,6 +96,20 @@ def test_one_carried_off_to_where_the_scan_is_the_same_hears_of_it_within_nine_v
         view = replace(_seen(there[k], grid, k), scan=_scan(poses[k], grid))
         chances.append(made.update(view, Motion(steps[k], SURE, Tracking.OK)).probability)
     assert chances[0] > 0.99 and chances[-1] < 0.97, "places named elsewhere speak against it"
+
+
+@pytest.mark.parametrize(("there", "status"), [
+    (se2(-1.5, -1.2, 2.5), BeliefStatus.LOST), (ring(90)[4], BeliefStatus.TRACKING)])
+def test_one_carried_off_while_nothing_was_seen_hears_of_it_from_scans_that_lie_off_the_walls(part, there, status):
+    """One view shows neither key-points nor a scan; those after it no key-points, and a scan from elsewhere or from there."""
+    made, grid = part
+    _drive(made, ring(90)[:5], grid)
+    beliefs = []
+    for k in range(5, 16):
+        view = replace(_seen(there, grid, k), scan=None if k == 5 else _scan(there, grid))
+        vision.share(view, FEATURES, Features(np.empty((0, 2)), np.empty((0, 128)), np.empty((0, 3))))
+        beliefs.append(made.update(view, Motion(np.eye(4), SURE, Tracking.LOST)).status)
+    assert beliefs[0] is BeliefStatus.TRACKING and beliefs[-1] is status
 
 
 def test_a_picture_that_stands_while_the_robot_goes_vouches_for_nothing():
