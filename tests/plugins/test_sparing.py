@@ -101,7 +101,7 @@ def test_one_carried_off_to_where_the_scan_is_the_same_hears_of_it_within_nine_v
 @pytest.mark.parametrize(("there", "status"), [
     (se2(-1.5, -1.2, 2.5), BeliefStatus.LOST), (ring(90)[4], BeliefStatus.TRACKING)])
 def test_one_carried_off_while_nothing_was_seen_hears_of_it_from_scans_that_lie_off_the_walls(part, there, status):
-    """One view shows neither key-points nor a scan; those after it no key-points, and a scan from elsewhere or from there."""
+    """One view shows neither key-points nor a scan; later ones no key-points, and a scan from elsewhere or from there."""
     made, grid = part
     _drive(made, ring(90)[:5], grid)
     beliefs = []
