@@ -193,7 +193,8 @@ class PlaceLocaliser:
         best, rules = self._state.best, self._advanced.confirmation
         if best is None or not self._confirmation.confirmed or self._confirmation.held:
             self._misfits = 0
-        elif scan is not None and self._walls is not None and told(scan) >= self._advanced.continuity.telling_beams:
+        elif scan is not None and self._walls is not None and (
+                np.isfinite(scan.ranges_m).sum() >= self._advanced.continuity.telling_beams):
             off = self._walls.share(scan, planar(best.map_from_body)) < rules.misfit_share
             self._misfits = 0 if not off else self._misfits + (not self._hides(scan, best))
         if self._misfits >= rules.misfits:
@@ -340,11 +341,6 @@ def left_on_loop(at_end: np.ndarray, share: float) -> np.ndarray:
 def flat(place_m2: float, turn_rad2: float) -> np.ndarray:
     """(6, 6) of a pose on the floor, alike in all directions."""
     return np.diag([place_m2, place_m2, 0.0, 0.0, 0.0, turn_rad2])
-
-
-def told(scan: Scan) -> int:
-    """Beams of a scan that met something."""
-    return int(np.isfinite(scan.ranges_m).sum())
 
 
 def _inliers(answer: PlaceAnswer) -> float:

@@ -178,9 +178,10 @@ def test_a_faint_board_has_a_depth_in_smaller_images():
     assert np.isnan(coarse.depth(*images, known)[100:110, 190:220]).all(), "beside what is known it is not asked"
 
 
-def test_noise_alone_has_none_there_either():
+@pytest.mark.parametrize("sigma", [2.0, 5.0, 8.0])
+def test_noise_alone_has_none_there_either(sigma):
     left = Camera(320, 240, 300.0, 300.0, 159.5, 119.5)
     rng = np.random.default_rng(0)
-    noise = rng.normal(128, 2.0, (2, 240, 320, 3)).round().astype(np.uint8)
+    noise = rng.normal(128, sigma, (2, 240, 320, 3)).round().astype(np.uint8)
     coarse = CoarsePair(left, beside(left, right_by(0.1)), Stereo())
     assert np.isnan(coarse.depth(*noise, np.zeros((240, 320), bool))).mean() > 0.999
